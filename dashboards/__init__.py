@@ -1,0 +1,1 @@
+"""The Panel app: it arranges, calls one function of `trackerlib`, draws one result."""

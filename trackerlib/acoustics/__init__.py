@@ -1,0 +1,1 @@
+"""Sound in water: speed profiles and the rays that follow from them."""

@@ -1,0 +1,1 @@
+"""Where a beacon is, from the times at which one moving hydrophone heard it."""

@@ -1,0 +1,37 @@
+"""What a beacon fix starts from: where the hydrophone was, and when it heard each ping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Pings:
+    """Receptions of one beacon, in the order of the file they came from."""
+
+    number: np.ndarray  # (N,) integers: the stable name of a ping, the file's own or 1, 2, ...
+    lat_deg: np.ndarray  # (N,) WGS 84, south negative
+    lon_deg: np.ndarray  # (N,) WGS 84, west negative
+    up_m: np.ndarray  # (N,) height of the hydrophone above the sea surface, negative below it
+    travel_time_s: np.ndarray  # (N,) one-way travel time plus any constant, known or not
+    utc: np.ndarray  # (N,) datetime64[ms], NaT where the file gives none
+    time_step_s: float = 0.0  # step in which travel times were logged, 0 if they are continuous
+    source: str = ""  # file it came from
+    simulated: bool = False
+
+    def __post_init__(self):
+        lengths = {name: len(getattr(self, name)) for name in _COLUMNS}
+        if len(set(lengths.values())) != 1:
+            raise ValueError(f"columns of pings differ in length: {lengths}")
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+    def only(self, keep: np.ndarray | slice) -> Pings:
+        """The same pings where `keep` (N,) is true, or a slice of them."""
+        return replace(self, **{name: getattr(self, name)[keep] for name in _COLUMNS})
+
+
+_COLUMNS = ("number", "lat_deg", "lon_deg", "up_m", "travel_time_s", "utc")

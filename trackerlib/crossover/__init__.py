@@ -1,0 +1,1 @@
+"""Two arrays' versions of one track: gating, pairs, straight lines, noise."""

@@ -1,0 +1,39 @@
+"""Crossover data: one vehicle's track as two arrays saw it, over a common set of point counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class CrossoverSet:
+    """Track of one vehicle from two arrays over a common set of point counts (Read 1990, eq. 1)."""
+
+    pair: tuple[int, int]  # array numbers; x is the first one's version of the track
+    point_count: np.ndarray  # (T,) integers, ascending
+    x: np.ndarray  # (T, 3) downrange, crossrange, z (up) from the first array, ft
+    y: np.ndarray  # (T, 3) the same from the second array, ft
+    pass_number: int = 1  # passes of one pair, from 1
+    range_name: str = ""
+    source: str = ""  # file it came from
+
+    def __post_init__(self):
+        shapes = {"x": self.x.shape, "y": self.y.shape}
+        if any(shape != (len(self.point_count), 3) for shape in shapes.values()):
+            raise ValueError(f"a set of {len(self.point_count)} point counts needs (T, 3) tracks, got {shapes}")
+
+    @property
+    def points(self) -> int:
+        """How many point counts both arrays saw (the report's T)."""
+        return len(self.point_count)
+
+    @property
+    def gap(self) -> np.ndarray:
+        """Vector from the second array's version to the first's, W = X - Y (T, 3), eq. (7)."""
+        return self.x - self.y
+
+    def only(self, keep: np.ndarray) -> CrossoverSet:
+        """The same set with the points where `keep` (T,) is true."""
+        return replace(self, point_count=self.point_count[keep], x=self.x[keep], y=self.y[keep])

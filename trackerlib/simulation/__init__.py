@@ -1,0 +1,1 @@
+"""The same types as measured data, made with a known truth and labelled simulated."""

@@ -1,0 +1,1 @@
+"""Timing offset and drift of a track, through the rays that carried it."""
