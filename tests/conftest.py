@@ -1,0 +1,46 @@
+"""What every test may ask for: the real surveys beside the repository, Chromium, and a data folder."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SHARED = ROOT.parent / "shared"
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The repository."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """Files that come with the program."""
+    return ROOT / "data"
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """Files that lie beside the repository and are never committed; skips where they are absent."""
+    if not SHARED.is_dir():
+        pytest.skip("../shared is not here: real surveys and the contract are not part of the repository")
+    return SHARED
+
+
+@pytest.fixture(scope="session")
+def real_surveys(shared) -> Path:
+    """Real acoustic surveys with published answers."""
+    return shared / "realdata"
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str:
+    """Path of a Chromium; fails, saying how to get one, where there is none."""
+    found = subprocess.run(["sh", str(ROOT / "tests/find_chromium.sh")], capture_output=True, text=True, check=False)
+    if found.returncode:
+        pytest.fail(found.stderr)
+    return found.stdout.strip()
