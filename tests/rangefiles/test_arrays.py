@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from trackerlib.rangefiles.arrays import find_placeholders, parse_arrays, parse_date, read_arrays
+from trackerlib.crossover.survey import find_placeholders
+from trackerlib.rangefiles.arrays import parse_arrays, parse_date, read_arrays
 from trackerlib.textfiles import InputError
 
 XYZ_NUMBER = b"  12188.01   -131.52  -1295.33   0\n  19463.16  -174.99  -1308.76   1\n"

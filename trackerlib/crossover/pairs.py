@@ -22,7 +22,7 @@ class CrossoverSet:
     def __post_init__(self):
         shapes = {"x": self.x.shape, "y": self.y.shape}
         if any(shape != (len(self.point_count), 3) for shape in shapes.values()):
-            raise ValueError(f"a set of {len(self.point_count)} point counts needs (T, 3) tracks, got {shapes}")
+            raise ValueError(f"a set of {self.points} point counts needs (T, 3) tracks, got {shapes}")
 
     @property
     def points(self) -> int:
@@ -37,3 +37,7 @@ class CrossoverSet:
     def only(self, keep: np.ndarray) -> CrossoverSet:
         """The same set with the points where `keep` (T,) is true."""
         return replace(self, point_count=self.point_count[keep], x=self.x[keep], y=self.y[keep])
+
+    def numbered(self, pass_number: int) -> CrossoverSet:
+        """The same set as another pass of its pair."""
+        return replace(self, pass_number=pass_number)

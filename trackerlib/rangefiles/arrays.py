@@ -10,7 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from trackerlib.crossover.survey import ArraySurvey, find_placeholders
 from trackerlib.textfiles import BadRecord, InputError, decode_lines, read_bytes
+
+__all__ = ["LAYOUTS", "ArrayReading", "ArraySurvey", "parse_arrays", "parse_date", "read_arrays"]
 
 LAYOUTS = {
     "xyz-number": "columns x, y, z, number (KEYGATE)",
@@ -27,35 +30,6 @@ _NAMES = {
     "date": ("survey_date_iso", "survey_date", "date", "survey_date_printed"),
     "doubt": ("doubt",),
 }
-
-
-@dataclass(frozen=True, eq=False)
-class ArraySurvey:
-    """Surveyed positions of the arrays of a range, in the range's frame."""
-
-    number: np.ndarray  # (K,) integers, each once
-    position: np.ndarray  # (K, 3) downrange, crossrange, z, ft; z up, negative below the surface
-    survey_date: np.ndarray  # (K,) datetime64[D], NaT where the table has none
-    placeholder: np.ndarray  # (K,) true where the row is no surveyed position
-    source: str = ""  # file it came from
-
-    def index_of(self, number: np.ndarray) -> np.ndarray:
-        """Row (N,) of each array number (N,), -1 where it is not in the table."""
-        number = np.asarray(number)
-        if not len(self.number):
-            return np.full(number.shape, -1)
-        order = np.argsort(self.number)
-        place = np.minimum(np.searchsorted(self.number, number, sorter=order), len(order) - 1)
-        row = order[place]
-        return np.where(self.number[row] == number, row, -1)
-
-    def position_of(self, number: int) -> np.ndarray:
-        """Position (3,) of one array, ft. Raises InputError if it is not in the table."""
-        row = int(self.index_of(np.array([number]))[0])
-        if row < 0:
-            have = ", ".join(map(str, np.sort(self.number)))
-            raise InputError(f"array {number} is not in the array table {self.source}; it has {have}")
-        return self.position[row]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +66,8 @@ def parse_arrays(content: bytes, name: str) -> ArrayReading:
     ]  # fmt: skip
     if not lines:
         raise InputError(f"{name}: found no array, only blank lines and remarks")
-    if re.search(r"[A-Za-z]", lines[0][1]) and "," in lines[0][1]:
-        layout, rows, bad = "csv", *_csv_rows(lines, name)
-    else:
-        layout, rows, bad = _column_rows(lines, name)
+    has_header = "," in lines[0][1] and re.search(r"[A-Za-z]", lines[0][1])
+    layout, rows, bad = (_csv_rows if has_header else _column_rows)(lines, name)
     rows, bad = _each_number_once(rows, bad)
     if not rows:
         first = f"; line {bad[0].line}: {bad[0].why}" if bad else ""
@@ -130,18 +102,6 @@ def parse_date(text: str) -> np.datetime64:
             except ValueError:
                 break
     raise ValueError(f"date is {text!r}; wanted yymmdd, month/day/year or year-month-day, such as 850620")
-
-
-def find_placeholders(position: np.ndarray) -> np.ndarray:
-    """Which positions (K, 3) are no survey of an array on the sea floor: true (K,).
-
-    A z that is not below the surface; or a position round in all three (100, 100 and 10 ft) in a table
-    where that is the exception. Of Table E.1 (Read 1990) these are arrays 9, 10, 27, 28 and 29.
-    """
-    above = position[:, 2] >= 0
-    is_round = np.all(np.mod(position, (100.0, 100.0, 10.0)) == 0, axis=1) & ~above
-    exception = is_round.sum() < 0.5 * (~above).sum()
-    return above | (is_round & exception)
 
 
 def _survey(rows: list[_Row], name: str) -> ArraySurvey:
@@ -219,7 +179,7 @@ def _csv_rows(lines, name):
             rows.append((line, _row(cell["number"], [cell[a] for a in "xyz"], cell["date"], cell["doubt"])))
         except ValueError as error:
             bad.append(BadRecord(line, str(error)))
-    return rows, bad
+    return "csv", rows, bad
 
 
 def _row(number: str, position: list[str], day: str = "", doubt: str = "") -> _Row:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from trackerlib.crossover.pairs import CrossoverSet
-from trackerlib.rangefiles.arrays import ArraySurvey
+from trackerlib.crossover.survey import ArraySurvey
 from trackerlib.textfiles import BadRecord, InputError, decode_lines, read_bytes, write_text
 
 TRAILER_COUNT = 999  # point count of TIMECOR's closing record, which holds the two arrays' positions
@@ -101,7 +101,7 @@ def _numbers(text: str) -> list[float] | None:
 def _records(lines, name):
     """Records as (line, [count and six coordinates]), bad records, and notes; all rows one width."""
     parsed = [(line, _numbers(text), text) for line, text in lines]
-    widths = [len(row) for _, row, _ in parsed if row is not None and len(row) in (6, 7)]
+    widths = [len(row) for _, row, _ in parsed if row and len(row) in (6, 7)]
     if not widths:
         start = f", line {lines[0][0]}: found {lines[0][1].strip()[:40]!r}" if lines else ": found no record"
         raise InputError(f"{name}{start}, wanted {WANTED}")
@@ -111,7 +111,7 @@ def _records(lines, name):
         why = _fault(row, width, text)
         if why:
             bad.append(BadRecord(line, why))
-        else:
+        elif row:
             records.append((line, row if width == 7 else [float(count), *row]))
     notes = ["six columns: the records are counted 1, 2, ... in place of point counts"] if width == 6 else []
     return records, bad, notes
@@ -160,7 +160,8 @@ def _ascending(records, notes):
     ordered = sorted(records, key=lambda record: record[1][0])
     if ordered != records:
         notes.append("records were not in order of point count; they are put in order")
-    kept, repeats = [], []
+    kept: list[tuple[int, list[float]]] = []
+    repeats = []
     for line, row in ordered:
         if kept and kept[-1][1][0] == row[0]:
             repeats.append(BadRecord(line, f"point count {row[0]:.0f} again; line {kept[-1][0]} is kept"))

@@ -1,0 +1,125 @@
+"""`gate TFILE`: the crossover sets of one vehicle's run, a file each."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, GatingResult, gate_reports
+from trackerlib.crossover.pairs import CrossoverSet
+from trackerlib.rangefiles.arrays import parse_date, read_arrays
+from trackerlib.rangefiles.crossover_file import write_crossover
+from trackerlib.rangefiles.tfile import HEADER_RECORDS, read_tfile
+from trackerlib.textfiles import InputError
+
+SUMMARY = "match the tracks of every two arrays of a T-file"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `gate`."""
+    add = parser.add_argument
+    add("tfile", type=Path, metavar="TFILE")
+    add("--arrays", type=Path, required=True, metavar="FILE", help="array table")
+    add("--mode", type=int, required=True, metavar="M", help="2 ship, 7 torpedo")
+    add(
+        "--header-records", type=int, default=HEADER_RECORDS, metavar="N", help="records to skip (default 31)"
+    )
+    add("--max-slant-range-ft", type=float, default=MAX_SLANT_RANGE_FT, metavar="R", help="default 4700")
+    add(
+        "--gap-counts",
+        type=int,
+        default=GAP_COUNTS,
+        metavar="G",
+        help="a longer gap ends a pass (default 30)",
+    )
+    add("--run-date", metavar="DAY", help="day of the run (default: the one date in the header)")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder for crossover_AA_BB_P.txt")
+
+
+def run(args: argparse.Namespace) -> dict:
+    """Writes the sets and returns the answer of `gate` as a document for JSON."""
+    _check(args)
+    arrays = read_arrays(args.arrays)
+    tfile = read_tfile(args.tfile, args.header_records)
+    try:
+        run_date = parse_date(args.run_date) if args.run_date else tfile.run_date
+    except ValueError as error:
+        raise InputError(f"--run-date: {error}") from None
+    result = gate_reports(
+        tfile.reports, arrays.survey, args.mode, args.max_slant_range_ft, args.gap_counts, run_date
+    )
+    for record in arrays.bad_records:
+        print(f"{args.arrays.name}, line {record.line}: {record.why}", file=sys.stderr)
+    for note in (*arrays.notes, *tfile.warnings, *result.warnings):
+        print(f"gate: {note}", file=sys.stderr)
+    files = write_sets(args.out, result.sets)
+    return document(result, files, [*tfile.warnings, *result.warnings], tfile.simulated)
+
+
+def write_sets(folder: Path, sets: tuple[CrossoverSet, ...]) -> list[Path]:
+    """Writes each set as crossover_AA_BB_P.txt; says on standard error which older ones it leaves."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / "crossover_{:02d}_{:02d}_{}.txt".format(*s.pair, s.pass_number) for s in sets]
+    older = sorted(path.name for path in folder.glob("crossover_*.txt") if path not in files)
+    if older:
+        print(f"gate: left {len(older)} files of another call in {folder}: {older[0]} ...", file=sys.stderr)
+    for path, crossover in zip(files, sets, strict=True):
+        write_crossover(path, crossover)
+    return files
+
+
+def document(result: GatingResult, files: list[Path], warnings: list[str], simulated: bool) -> dict:
+    """A gating under the keys that others rely on."""
+    counts = result.counts
+    return {
+        "records_read": counts.records_read,
+        "kept_mode": counts.kept_mode,
+        "kept_paired": counts.kept_paired,
+        "kept_range": counts.kept_range,
+        "kept_repaired": counts.kept_repaired,
+        "repeats_left_out": counts.repeats_left_out,
+        "unplaced_arrays": result.unplaced_arrays,
+        "bad_records": [{"line": record.line, "why": record.why} for record in result.bad_records],
+        "sets": [_set(crossover, path) for crossover, path in zip(result.sets, files, strict=True)],
+        "repeats": [vars(choice) for choice in result.choices],
+        "warnings": warnings,
+        "simulated": simulated,
+    }
+
+
+def report(answer: dict) -> str:
+    """The answer of `gate` for a person."""
+    bad = answer["bad_records"]
+    lines = ["SIMULATED DATA"] if answer["simulated"] else []
+    lines += [
+        f"{answer['records_read']:7d} records read, {len(bad)} of them not readable",
+        f"{answer['kept_mode']:7d} of the mode and without an edit mark",
+        f"{answer['kept_paired']:7d} at a point count with two or more arrays",
+        f"{answer['kept_range']:7d} within slant range of a surveyed array",
+        f"{answer['kept_repaired']:7d} paired again, {answer['repeats_left_out']} of them repeats left out",
+    ]
+    lines += [f"line {record['line']}: {record['why']}" for record in bad[:10]]
+    lines += [f"... and {len(bad) - 10} more lines that cannot be read"] if len(bad) > 10 else []
+    lines += [
+        f"{s['file']}  {s['points']} points, counts {s['first']} to {s['last']}" for s in answer["sets"]
+    ] or ["no crossover set: no two arrays saw the vehicle at one point count"]
+    return "\n".join(lines)
+
+
+def _check(args: argparse.Namespace) -> None:
+    if not args.max_slant_range_ft > 0:
+        raise InputError(f"--max-slant-range-ft is {args.max_slant_range_ft:g}, wanted feet above 0")
+    if args.gap_counts < 1:
+        raise InputError(f"--gap-counts is {args.gap_counts}, wanted 1 or more")
+
+
+def _set(crossover: CrossoverSet, path: Path) -> dict:
+    return {
+        "file": str(path),
+        "pair": list(crossover.pair),
+        "pass": crossover.pass_number,
+        "points": crossover.points,
+        "first": int(crossover.point_count[0]),
+        "last": int(crossover.point_count[-1]),
+    }
