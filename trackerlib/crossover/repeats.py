@@ -31,19 +31,20 @@ def resolve_repeats(
     """Reports with one report for each array and point count, and every choice that was made.
 
     reports : of one vehicle, in order of point count
-    tracks : all reports of that vehicle, those that no other array saw too, from which the array's own
-        track near a repeat is taken
+    tracks : all reports of that vehicle in that order, those that no other array saw too, from which the
+        array's own track near a repeat is taken
     """
-    key = np.column_stack([reports.array, reports.point_count])
-    order = np.lexsort((reports.line, key[:, 1], key[:, 0]))
-    starts = np.flatnonzero(np.any(np.diff(key[order], axis=0, prepend=-1) != 0, axis=1))
+    order = np.lexsort((reports.line, reports.point_count, reports.array))
+    key = np.column_stack([reports.array, reports.point_count])[order]
+    starts = np.flatnonzero(np.any(np.diff(key, axis=0, prepend=-1) != 0, axis=1))
+    sizes = np.diff(starts, append=len(order))
     keep = np.ones(len(reports), dtype=bool)
     choices = []
-    for group in np.split(order, starts[1:]):
-        if len(group) > 1:
-            best, choice = _choose(reports.only(group), tracks)
-            keep[np.delete(group, best)] = False
-            choices.append(choice)
+    for start, size in zip(starts[sizes > 1], sizes[sizes > 1], strict=True):
+        group = order[start : start + size]
+        best, choice = _choose(reports.only(group), tracks)
+        keep[np.delete(group, best)] = False
+        choices.append(choice)
     choices.sort(key=lambda choice: (choice.point_count, choice.array))
     return reports.only(keep), tuple(choices)
 
@@ -78,13 +79,11 @@ def _weighted_median(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 def _neighbours(array: int, point_count: int, tracks: PositionReports) -> np.ndarray:
     """Indices of the array's reports nearest in time on either side, those of the same count left out."""
-    away = tracks.point_count - point_count
-    near = (tracks.array == array) & (np.abs(away) <= NEIGHBOUR_COUNTS) & (away != 0)
-    index = np.flatnonzero(near)
-    before, after = index[away[index] < 0], index[away[index] > 0]
-    before = before[np.argsort(-away[before], kind="stable")][:NEIGHBOURS_PER_SIDE]
-    after = after[np.argsort(away[after], kind="stable")][:NEIGHBOURS_PER_SIDE]
-    return np.concatenate([before, after])
+    limits = point_count + np.array([-NEIGHBOUR_COUNTS, 0, 1, NEIGHBOUR_COUNTS + 1])
+    first, here, next_count, last = np.searchsorted(tracks.point_count, limits)
+    before = first + np.flatnonzero(tracks.array[first:here] == array)
+    after = next_count + np.flatnonzero(tracks.array[next_count:last] == array)
+    return np.concatenate([before[-NEIGHBOURS_PER_SIDE:], after[:NEIGHBOURS_PER_SIDE]])
 
 
 def _choose(repeats: PositionReports, tracks: PositionReports) -> tuple[int, RepeatChoice]:
