@@ -40,7 +40,9 @@ def real_surveys(shared) -> Path:
 @pytest.fixture(scope="session")
 def chromium() -> str:
     """Path of a Chromium; fails, saying how to get one, where there is none."""
-    found = subprocess.run(["sh", str(ROOT / "tests/find_chromium.sh")], capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        ["sh", str(ROOT / "tests/find_chromium.sh")], capture_output=True, text=True, check=False
+    )
     if found.returncode:
         pytest.fail(found.stderr)
     return found.stdout.strip()

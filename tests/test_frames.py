@@ -31,7 +31,9 @@ def test_short_distances_are_those_of_the_geodesic(lat, lon):
 def test_the_sea_surface_falls_away_from_the_plane():
     # 10 km over twice the radius of curvature: 1e8 / 12.74e6 = 7.85 m
     line = Geodesic.WGS84.Direct(40.0, 5.0, 90.0, 10_000.0)
-    assert LocalFrame(40.0, 5.0).to_local(line["lat2"], line["lon2"], 0.0)[2] == pytest.approx(-7.83, abs=0.03)
+    assert LocalFrame(40.0, 5.0).to_local(line["lat2"], line["lon2"], 0.0)[2] == pytest.approx(
+        -7.83, abs=0.03
+    )
 
 
 def test_across_the_date_line():

@@ -77,7 +77,9 @@ def utm(lat_deg: float, lon_deg: float) -> tuple[str, float, float]:
 
 @cache
 def _to_utm(zone: int, south: bool) -> pyproj.Transformer:
-    return pyproj.Transformer.from_crs("EPSG:4326", f"EPSG:{32700 + zone if south else 32600 + zone}", always_xy=True)
+    return pyproj.Transformer.from_crs(
+        "EPSG:4326", f"EPSG:{32700 + zone if south else 32600 + zone}", always_xy=True
+    )
 
 
 def bearing_deg(east: float, north: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,7 +33,11 @@ def assert_close(error, *, horizontal_m, depth_m):
 def wc03(real_surveys):
     folder = real_surveys / "WC03"
     answer = published(folder)
-    return read_survey(folder / "survey.txt").pings, FixSettings(sound_speed_mps=answer["sound_speed_mps"]), answer
+    return (
+        read_survey(folder / "survey.txt").pings,
+        FixSettings(sound_speed_mps=answer["sound_speed_mps"]),
+        answer,
+    )
 
 
 def test_wc03_agrees_with_its_published_answer(wc03):
@@ -47,8 +52,6 @@ def test_wc03_agrees_with_its_published_answer(wc03):
 @pytest.mark.parametrize("constant_s", [-3.5, 0.013, 137.25, 86_400.0])
 def test_a_constant_in_every_time_moves_nothing(wc03, constant_s):
     pings, settings, _ = wc03
-    from dataclasses import replace
-
     moved = fix_beacon(replace(pings, travel_time_s=pings.travel_time_s + constant_s), settings)
     still = fix_beacon(pings, settings)
     assert np.linalg.norm(moved.position - still.position) < 1e-3

@@ -145,7 +145,12 @@ def test_a_file_of_no_use_says_why(text, words):
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(b"", "empty"), (b" \n\n", "empty"), (b"\x89PNG\r\n\x1a\n\x00\x00", "binary data"), (None, "no such file")],
+    [
+        (b"", "empty"),
+        (b" \n\n", "empty"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", "binary data"),
+        (None, "no such file"),
+    ],
 )
 def test_what_is_no_text_file(tmp_path, content, words):
     path = tmp_path / "survey.txt"
@@ -164,7 +169,9 @@ TRANSPONDERS = "transponder,lat_deg,lon_deg,oneway_s\nM11,1,2,3\nM12,1,2,4\nM11,
 
 
 def test_one_of_several_transponders():
-    assert parse_survey(TRANSPONDERS.splitlines(), "p.csv", transponder="M11").pings.travel_time_s.tolist() == [3, 5]
+    assert parse_survey(
+        TRANSPONDERS.splitlines(), "p.csv", transponder="M11"
+    ).pings.travel_time_s.tolist() == [3, 5]
     with pytest.raises(InputError, match=r"found transponders M11, M12; choose one"):
         parse_survey(TRANSPONDERS.splitlines(), "p.csv")
     with pytest.raises(InputError, match="wanted M13"):

@@ -23,7 +23,9 @@ def read_pings_csv(lines: list[str], name: str, *, transponder=None, hydrophone_
 
     Raises InputError for a missing column, or for several transponders when none is chosen.
     """
-    numbered = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    numbered = [
+        (k, line) for k, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")
+    ]
     if not numbered:
         raise InputError(f"{name}: the file holds no header and no pings")
     header_line, header = numbered[0]
@@ -61,7 +63,9 @@ def _of_one_transponder(receptions, transponders, wanted, name):
     present = list(dict.fromkeys(filter(None, transponders)))
     if wanted is None:
         if len(present) > 1:
-            raise InputError(f"{name}: found transponders {', '.join(present)}; choose one (--transponder {present[0]})")
+            raise InputError(
+                f"{name}: found transponders {', '.join(present)}; choose one (--transponder {present[0]})"
+            )
         return receptions
     if wanted not in present:
         raise InputError(f"{name}: found transponders {', '.join(present) or 'none'}; wanted {wanted}")
@@ -86,7 +90,9 @@ def _reception(row: dict[str, str], decimal_comma: bool, hydrophone_depth_m: flo
         number=int(name) if name else None,
         lat_deg=number("lat_deg", -90, 90, "degrees"),
         lon_deg=(number("lon_deg", -180, 360, "degrees") + 180) % 360 - 180,
-        up_m=number("up_m", -12_000, 100, "metres above the surface") if row.get("up_m") else -hydrophone_depth_m,
+        up_m=number("up_m", -12_000, 100, "metres above the surface")
+        if row.get("up_m")
+        else -hydrophone_depth_m,
         travel_time_s=number("oneway_s", -1e10, 1e10, "seconds"),
         utc=_utc(next((row[column] for column in TIMES if row.get(column)), "")),
     )

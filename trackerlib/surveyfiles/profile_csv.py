@@ -31,16 +31,22 @@ def parse_profile_csv(lines: list[str], name: str) -> SoundSpeedProfile:
         cells = [cell.strip() for cell in (next(csv.reader([text])) if "," in text else text.split())]
         if not depths and "depth_m" in (lowered := [cell.lower() for cell in cells]):
             if "speed_mps" not in lowered:
-                raise InputError(f"{name}, line {number}: found columns {text!r}; wanted depth_m and speed_mps")
+                raise InputError(
+                    f"{name}, line {number}: found columns {text!r}; wanted depth_m and speed_mps"
+                )
             order = (lowered.index("depth_m"), lowered.index("speed_mps"))
             continue
         depth, speed = _level(cells, order, f"{name}, line {number}")
         if depths and depth <= depths[-1]:
-            raise InputError(f"{name}, line {number}: found depth {depth:g} m after {depths[-1]:g} m; wanted growing depths")
+            raise InputError(
+                f"{name}, line {number}: found depth {depth:g} m after {depths[-1]:g} m; wanted growing depths"
+            )
         depths.append(depth)
         speeds.append(speed)
     if len(depths) < 2:
-        raise InputError(f"{name}: found {len(depths)} levels, wanted at least two rows of depth_m, speed_mps")
+        raise InputError(
+            f"{name}: found {len(depths)} levels, wanted at least two rows of depth_m, speed_mps"
+        )
     return SoundSpeedProfile(np.array(depths), np.array(speeds), unit="m", name=name)
 
 
@@ -48,7 +54,9 @@ def _level(cells: list[str], order: tuple[int, int], where: str) -> tuple[float,
     try:
         depth, speed = (float(cells[k]) for k in order)
     except (ValueError, IndexError):
-        raise InputError(f"{where}: found {','.join(cells)[:60]!r}; wanted two numbers, depth_m and speed_mps") from None
+        raise InputError(
+            f"{where}: found {','.join(cells)[:60]!r}; wanted two numbers, depth_m and speed_mps"
+        ) from None
     if not 0 <= depth <= 12_000:
         raise InputError(f"{where}: found depth {depth:g}; wanted metres, positive down, to 12000")
     if not 1300 <= speed <= 1700:

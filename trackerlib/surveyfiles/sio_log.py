@@ -62,7 +62,9 @@ def read_sio_log(lines: list[str], name: str, *, turnaround_s=None, hydrophone_d
 def _reception(line: str, turnaround_s: float, hydrophone_depth_m: float) -> Reception:
     match = _PING.fullmatch(line)
     if not match:
-        raise ValueError(f"found {line.strip()[:60]!r}; wanted 'NNNN msec. Lat: ... Lon: ... Alt: ... Time(UTC): ...'")
+        raise ValueError(
+            f"found {line.strip()[:60]!r}; wanted 'NNNN msec. Lat: ... Lon: ... Alt: ... Time(UTC): ...'"
+        )
     try:
         two_way_s = float(match["ms"]) * 1e-3
     except ValueError:

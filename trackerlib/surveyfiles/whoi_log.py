@@ -34,7 +34,9 @@ def is_whoi_log(lines: list[str]) -> bool:
 
 def read_whoi_log(lines: list[str], name: str, *, turnaround_s=None, hydrophone_depth_m=0.0) -> SurveyReading:
     """Pings of an EdgeNmea log, its one-way times (two-way minus turn-around) / 2."""
-    in_header = next((float(m[1]) * 1e-3 for line in lines if (m := _TURNAROUND.match(line))), DEFAULT_TURNAROUND_S)
+    in_header = next(
+        (float(m[1]) * 1e-3 for line in lines if (m := _TURNAROUND.match(line))), DEFAULT_TURNAROUND_S
+    )
     turnaround = in_header if turnaround_s is None else turnaround_s
     receptions, bad, skipped = [], [], 0
     for number, line in enumerate(lines, 1):
@@ -57,7 +59,9 @@ def read_whoi_log(lines: list[str], name: str, *, turnaround_s=None, hydrophone_
 def _reception(text: str, turnaround_s: float, hydrophone_depth_m: float) -> Reception:
     fields = [field.strip() for field in text.split(",")]
     if len(fields) < 6 or not _ROW_START.match(text):
-        raise ValueError(f"found {text[:60]!r}; wanted 'date time, range, ms, latitude, longitude, GPS time, heading'")
+        raise ValueError(
+            f"found {text[:60]!r}; wanted 'date time, range, ms, latitude, longitude, GPS time, heading'"
+        )
     try:
         two_way_s = float(fields[2]) * 1e-3
     except ValueError:

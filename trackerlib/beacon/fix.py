@@ -1,0 +1,405 @@
+"""A beacon's position from every ping, never knowing when it first pinged.
+
+    fix = fix_beacon(pings, FixSettings(sound_speed_mps=1507))
+    print(fix)
+
+After Wojcik (1993), chapter II, with every reception used instead of chained pairs (2-12).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trackerlib.beacon.minimise import (
+    Problem,
+    Region,
+    biweight_cost,
+    robust_descent,
+    scale_of,
+    settle,
+    starts,
+)
+from trackerlib.beacon.observability import (
+    StraightTrack,
+    Unobservable,
+    straight_track,
+    unseen_beside_line,
+    unseen_directions,
+)
+from trackerlib.beacon.paths import paths_through
+from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
+from trackerlib.beacon.uncertainty import (
+    Ellipse,
+    SlowErrors,
+    Uncertainty,
+    ellipse95,
+    uncertainty_of,
+)
+from trackerlib.frames import LocalFrame
+from trackerlib.rounding import value_with_sigma
+
+SEARCH_PINGS = 300  # the search looks at no more pings than this, evenly chosen; the fix at all
+SPARE_PINGS = 3  # pings beyond the number of unknowns below which a fix is refused
+SAME_PLACE_SHARE = 0.02  # of the slant range: solutions closer than this are one
+AS_LIKELY = 9.0  # chi-square by which another solution may fit worse and still count (3 sigma)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """One place that fits the pings."""
+
+    lat_deg: float
+    lon_deg: float
+    depth_m: float
+    east_m: float
+    north_m: float
+    misfit: float  # robust chi-square above the best solution's
+
+
+@dataclass(frozen=True, eq=False)
+class BeaconFix:
+    """Where the beacon is, how sure that is, or why it cannot be said.
+
+    Not converged means that `reason` says what is wrong and what would help; a position that comes
+    with it is the best guess so far and is drawn hollow.
+    """
+
+    converged: bool
+    reason: str | None
+    frame: LocalFrame  # origin: the ship's place at the first ping
+    ship: np.ndarray  # (N, 3) hydrophone east, north, up [m]
+    number: np.ndarray  # (N,) ping numbers
+    used: np.ndarray  # (N,) which pings the fix rests on
+    position: np.ndarray | None = None  # (3,) east, north, up [m]
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    depth_m: float | None = None  # below the sea surface
+    residual_s: np.ndarray | None = None  # (N,) time minus fit, also of pings left out
+    uncertainty: Uncertainty | None = None
+    emission_offset_s: float | None = None  # the constant in every time that is not travel
+    sound_speed_mps: float | None = None  # mean speed on the way down
+    unobservable: tuple[Unobservable, ...] = ()
+    alternatives: tuple[Solution, ...] = ()
+    along_track_m: float | None = None  # from the first ping, along a straight track
+    closest_slant_range_m: float | None = None  # from a straight track
+    method: str = "all-pings"
+    simulated: bool = False
+
+    @property
+    def ellipse(self) -> Ellipse | None:
+        """95 % ellipse on the map."""
+        return None if self.uncertainty is None else ellipse95(self.uncertainty.covariance)
+
+    @property
+    def sigma(self) -> np.ndarray | None:
+        """Standard errors (3,) [m] east, north, depth."""
+        return None if self.uncertainty is None else self.uncertainty.sigma
+
+    @property
+    def rejected(self) -> np.ndarray:
+        """Numbers of the pings that the fix does not rest on."""
+        return self.number[~self.used]
+
+    def __str__(self) -> str:
+        if self.position is None:
+            return f"no fix: {self.reason}"
+        head = "" if self.converged else f"not converged: {self.reason}\n"
+        if self.uncertainty is None:
+            return f"{head}best guess {self.lat_deg:.6f}, {self.lon_deg:.6f}, depth {self.depth_m:.0f} m"
+        east, north, depth = self.sigma
+        shape = self.ellipse
+        return (
+            f"{head}{self.lat_deg:.6f}, {self.lon_deg:.6f} "
+            f"(± {east:.2g} m east, ± {north:.2g} m north; 95 % ellipse {shape.semi_major_m:.2g} by "
+            f"{shape.semi_minor_m:.2g} m, long axis {shape.bearing_deg:.0f}°)\n"
+            f"depth {value_with_sigma(self.depth_m, depth, 'm')}, {int(self.used.sum())} of {len(self.used)} pings, "
+            f"rms {1e3 * self.uncertainty.rms_s:.2g} ms"
+        )
+
+
+def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
+    """The beacon's position with its uncertainty, or the reason why there is none.
+
+    Times may carry any unknown constant (unless settings.emission_known). Errors of ship position
+    (settings.gps_rms_m) and of time are weighed together; where gps_rms_m is None all pings weigh
+    alike. Either way the scale of the errors is taken from the residuals.
+    """
+    settings = settings or FixSettings()
+    frame = (
+        LocalFrame(float(pings.lat_deg[0]), float(pings.lon_deg[0])) if len(pings) else LocalFrame(0.0, 0.0)
+    )
+    ship = frame.to_local(pings.lat_deg, pings.lon_deg, pings.up_m)
+    allowed = np.isfinite(pings.travel_time_s) & np.isfinite(ship).all(axis=1)
+    allowed &= ~np.isin(pings.number, list(settings.left_out))
+    blank = BeaconFix(False, None, frame, ship, pings.number, allowed.copy(), simulated=pings.simulated)
+    needed = (3 if settings.emission_known else 4) + SPARE_PINGS
+    if allowed.sum() < needed:
+        return replace(
+            blank,
+            reason=f"{int(allowed.sum())} usable pings; with fewer than {needed} the unknowns fit anything, "
+            "so collect more",
+        )
+    problem = _problem(pings, ship, allowed, settings)
+    extra = None if settings.start is None else frame.to_local(*settings.start[:2], -settings.start[2])
+    return _Attempt(problem, blank, allowed, settings, pings.utc[allowed], extra).result()
+
+
+def fix_history(pings: Pings, settings: FixSettings | None = None, first: int = 1) -> Iterator[BeaconFix]:
+    """The fix after each ping from the `first`-th on, as the ship would have known it."""
+    for count in range(first, len(pings) + 1):
+        yield fix_beacon(pings.only(slice(0, count)), settings)
+
+
+def _problem(pings: Pings, ship: np.ndarray, allowed: np.ndarray, settings: FixSettings) -> Problem:
+    step_s = pings.time_step_s if settings.sample_interval_ms is None else settings.sample_interval_ms * 1e-3
+    region = Region(ship[allowed, :2].mean(axis=0), settings.max_range_m, settings.max_depth_m)
+    paths = paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m)
+    return Problem(
+        ship=ship[allowed],
+        time=pings.travel_time_s[allowed],
+        paths=paths,
+        region=region,
+        gps_rms_m=settings.gps_rms_m or 0.0,
+        time_sigma_s=max(step_s / np.sqrt(12), 1e-6),
+        emission_known=settings.emission_known,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    position: np.ndarray  # (3,)
+    keep: np.ndarray  # (n,) of the allowed pings
+    settled: bool
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """One fix on its way: search, settle, judge."""
+
+    problem: Problem
+    blank: BeaconFix
+    allowed: np.ndarray
+    settings: FixSettings
+    utc: np.ndarray  # (n,) of the allowed pings
+    extra_start: np.ndarray | None
+
+    def result(self) -> BeaconFix:
+        candidates = self._candidates()
+        if not candidates:
+            return replace(
+                self.blank, reason="no ray through this profile reaches any place in the search region"
+            )
+        best = candidates[0]
+        fix = self._describe(best)
+        track = straight_track(self.problem.ship)
+        ship_sigma = ASSUMED_SHIP_RMS_M if self.settings.gps_rms_m is None else self.settings.gps_rms_m
+        if track.is_straight(max(ship_sigma, 0.1)):
+            return self._on_a_circle(fix, track)
+        unseen: tuple[Unobservable, ...] = ()
+        if fix.uncertainty is not None:
+            slant_range = float(np.median(np.linalg.norm(best.position - self.problem.ship, axis=1)))
+            unseen = unseen_directions(fix.uncertainty.covariance, slant_range, track)
+        others = tuple(
+            self._solution(other.position, other.cost - best.cost)
+            for other in candidates[1:]
+            if self._as_likely(other, best, fix) and self.problem.region.edge(other.position) is None
+        )
+        reason = self._objection(best, fix, unseen, others)
+        return replace(fix, converged=reason is None, reason=reason, unobservable=unseen, alternatives=others)
+
+    def _candidates(self) -> list[_Candidate]:
+        """Distinct places that fit, best first."""
+        count = len(self.problem.time)
+        chosen = np.unique(np.linspace(0, count - 1, min(count, SEARCH_PINGS)).astype(int))
+        search = self.problem.only(chosen)
+        found, scale = robust_descent(search, starts(self.problem, self.extra_start), rounds=12, steps=6)
+        reachable = np.isfinite(search.paths.times(found, search.ship)[0]).mean(axis=1) > 0.5
+        found, scale = found[reachable], scale[reachable]
+        if not len(found):
+            return []
+        cost = self._cost(found, float(scale.min()), search)
+        settled = []
+        for k in self._distinct(found, cost)[:6]:
+            position, keep, at_rest = settle(self.problem, found[k], scale[k], reject=self.settings.reject)
+            settled.append((position, keep, at_rest))
+        positions = np.array([position for position, _, _ in settled])
+        cost = self._cost(positions, self._common_scale(settled), self.problem)
+        return [_Candidate(*settled[k], float(cost[k])) for k in self._distinct(positions, cost)]
+
+    def _common_scale(self, settled) -> float:
+        scales = []
+        for position, keep, _ in settled:
+            residual = self.problem.eliminate(position[None], keep[None].astype(float)).residual[:, keep]
+            scales.append(scale_of(residual, self.problem.unknowns, self.problem.time_sigma_s)[0])
+        return float(min(scales))
+
+    def _cost(self, positions: np.ndarray, scale: float, problem: Problem) -> np.ndarray:
+        """Robust chi-square (S,) at positions (S, 3), each with its own best emission offset."""
+        weight = np.ones((len(positions), len(problem.time)))
+        residual = problem.eliminate(positions, weight).residual
+        if not problem.emission_known:
+            residual = residual - np.median(residual, axis=1, keepdims=True)
+        return biweight_cost(residual, scale)
+
+    def _distinct(self, positions: np.ndarray, cost: np.ndarray) -> list[int]:
+        """Indices of places farther apart than SAME_PLACE_SHARE of the slant range, cheapest first."""
+        kept: list[int] = []
+        for k in np.argsort(cost):
+            slant_range = np.median(np.linalg.norm(positions[k] - self.problem.ship, axis=1))
+            apart = [np.linalg.norm(positions[k] - positions[j]) for j in kept]
+            if all(distance > SAME_PLACE_SHARE * slant_range for distance in apart):
+                kept.append(int(k))
+        return kept
+
+    def _as_likely(self, other: _Candidate, best: _Candidate, fix: BeaconFix) -> bool:
+        length = 1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length
+        return (other.cost - best.cost) / length < AS_LIKELY
+
+    def _describe(self, candidate: _Candidate) -> BeaconFix:
+        """The candidate as a fix that nobody has judged yet."""
+        problem, position = self.problem, candidate.position
+        misfit = problem.eliminate(position[None], self._weight(candidate))
+        lat, lon, up = self.blank.frame.to_geodetic(position)
+        mean_speed = problem.paths.mean_speed(max(-float(up), 0.0))
+        uncertainty = uncertainty_of(
+            misfit,
+            candidate.keep,
+            unknowns=problem.unknowns,
+            floor_s=problem.time_sigma_s,
+            mean_speed_mps=mean_speed,
+            speed_sigma_mps=self.settings.speed_sigma_mps,
+            ship_errors=self._ship_errors(candidate.keep),
+        )
+        residual = np.full(len(self.allowed), np.nan)
+        residual[self.allowed] = misfit.residual[0]
+        used = self.allowed.copy()
+        used[self.allowed] = candidate.keep
+        return replace(
+            self.blank,
+            position=position,
+            lat_deg=float(lat),
+            lon_deg=float(lon),
+            depth_m=-float(up),
+            used=used,
+            residual_s=residual,
+            uncertainty=uncertainty,
+            emission_offset_s=float(misfit.offset[0]),
+            sound_speed_mps=mean_speed,
+        )
+
+    def _weight(self, candidate: _Candidate) -> np.ndarray:
+        """Weights (1, n) of the pings at a candidate, zero at those left out."""
+        gradient = self.problem.paths.times(candidate.position[None], self.problem.ship)[1]
+        return candidate.keep * np.nan_to_num(self.problem.relative_weight(gradient))
+
+    def _ship_errors(self, keep: np.ndarray) -> SlowErrors | None:
+        """Assumed slow errors of the ship's position at the pings used; None where its error is told."""
+        if self.settings.gps_rms_m is not None:
+            return None
+        return SlowErrors(ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, self.utc[keep])
+
+    def _objection(self, best, fix, unseen, others) -> str | None:
+        """Why this fix must not be believed, or None."""
+        edge = self.problem.region.edge(best.position)
+        if edge:
+            return f"the best fit lies on the edge of the search region: {edge}; widen it or check the times"
+        if fix.uncertainty is None:
+            return (
+                f"{int(fix.used.sum())} pings with residuals this alike say too little for a standard error; "
+                "collect more"
+            )
+        if unseen:
+            return unseen[-1].why
+        if not best.settled:
+            return "the search did not come to rest; check the speed of sound and the times"
+        if others:
+            return (
+                f"{len(others)} other place{'s' if len(others) > 1 else ''} fit about as well; "
+                "turn by 60 degrees or more and sail on to tell them apart"
+            )
+        if not self._as_steep_as_stated(best, fix):
+            return (
+                "the misfit is flatter than its ellipse says, so no honest sigma can be given; sail further"
+            )
+        return None
+
+    def _as_steep_as_stated(self, best: _Candidate, fix: BeaconFix) -> bool:
+        """Whether two noise sigmas along the weakest direction really cost what the ellipse says (4)."""
+        covariance = fix.uncertainty.noise_covariance
+        values, vectors = np.linalg.eigh(covariance)
+        step = 2 * np.sqrt(values[-1]) * vectors[:, -1]
+        places = self.problem.region.clip(
+            np.array([best.position, best.position + step, best.position - step])
+        )
+        weight = np.repeat(self._weight(best), 3, axis=0)
+        square = self.problem.eliminate(places, weight).sum_of_squares
+        variance = square[0] / max(best.keep.sum() - self.problem.unknowns, 1)
+        rise = (square[1:] - square[0]) / max(variance, 1e-30) / fix.uncertainty.correlation.length
+        return bool(rise.min() > 1.0)
+
+    def _on_a_circle(self, fix: BeaconFix, track: StraightTrack) -> BeaconFix:
+        """What a straight track does say: place along it, closest slant range, a pair of mirror solutions.
+
+        The pair stands 45 degrees down on either side; every other point of the circle fits as well.
+        """
+        down = np.array([0.0, 0.0, -1.0])
+        below = self._below_line(track, down)
+        along = float((below - track.centre) @ track.along)
+        radius = float((below - track.centre) @ down)
+        pair = [
+            self._in_plane(track, along, radius, (side * track.across + down) / np.sqrt(2))
+            for side in (1, -1)
+        ]
+        lowest = min(candidate.cost for candidate in pair)
+        offsets = np.array([candidate.position - track.centre for candidate in pair])
+        along_each = offsets @ track.along
+        closest = np.linalg.norm(offsets - along_each[:, None] * track.along, axis=1)
+        first = (self.problem.ship[0] - track.centre) @ track.along
+        unseen = unseen_beside_line(track)
+        return replace(
+            fix,
+            reason=unseen[0].why,
+            position=None,
+            lat_deg=None,
+            lon_deg=None,
+            depth_m=None,
+            uncertainty=None,
+            unobservable=unseen,
+            alternatives=tuple(self._solution(c.position, c.cost - lowest) for c in pair),
+            along_track_m=float(along_each.mean() - first),
+            closest_slant_range_m=float(closest.mean()),
+        )
+
+    def _below_line(self, track: StraightTrack, down: np.ndarray) -> np.ndarray:
+        """The best place (3,) in the vertical plane through a straight track."""
+        places = [
+            track.centre + share * track.length_m * track.along + distance * track.length_m * down
+            for share in (-0.4, -0.1, 0.1, 0.4)
+            for distance in (0.05, 0.2, 0.5)
+        ]
+        axes = np.array([track.along, down])
+        found, scale = robust_descent(self.problem, np.array(places), rounds=12, steps=6, axes=axes)
+        return found[int(np.argmin(self._cost(found, float(scale.min()), self.problem)))]
+
+    def _in_plane(self, track, along: float, radius: float, slope: np.ndarray) -> _Candidate:
+        """The best fit in the plane of the track and a direction (3,) at right angles to it."""
+        start = track.centre + along * track.along + radius * slope
+        axes = np.array([track.along, slope])
+        found, scale = robust_descent(self.problem, start[None], rounds=12, steps=6, axes=axes)
+        position, keep, at_rest = settle(
+            self.problem, found[0], scale[0], reject=self.settings.reject, axes=axes
+        )
+        return _Candidate(
+            position, keep, at_rest, float(self._cost(position[None], float(scale[0]), self.problem)[0])
+        )
+
+    def _solution(self, position: np.ndarray, misfit: float) -> Solution:
+        lat, lon, up = self.blank.frame.to_geodetic(position)
+        return Solution(
+            float(lat), float(lon), -float(up), float(position[0]), float(position[1]), float(misfit)
+        )

@@ -1,0 +1,229 @@
+"""The place whose travel times fit best: robust least squares from many starts at once.
+
+Minimised is the weighted sum of squares of  e = t - T(beacon) - emission offset  over the pings.
+The emission offset is linear given the beacon, so it is eliminated, not iterated on. Weights are
+frozen within a descent and renewed between descents: left free inside the sum they would reward
+places that make their own weights small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackerlib.beacon.paths import Paths, depth_below_surface
+
+TUKEY = 4.685  # biweight tuning constant, 95 % efficient on normal errors
+CUT = 5.0  # a ping farther than this many scales from the fit is a false return
+FREE = np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Where a beacon may be: within a range of the ship's mean position, and no deeper than told."""
+
+    centre: np.ndarray  # (2,) east, north [m]
+    max_range_m: float
+    max_depth_m: float
+
+    def clip(self, beacon: np.ndarray) -> np.ndarray:
+        """Positions (S, 3) brought back inside; above the surface counts as its mirror below it."""
+        out = beacon.copy()
+        from_centre = out[:, :2] - self.centre
+        distance = np.hypot(*from_centre.T)
+        shrink = np.minimum(1.0, self.max_range_m / np.maximum(distance, 1e-9))
+        out[:, :2] = self.centre + from_centre * shrink[:, None]
+        depth = depth_below_surface(out)
+        out[:, 2] += depth - np.minimum(np.abs(depth), self.max_depth_m)
+        return out
+
+    def edge(self, beacon: np.ndarray) -> str | None:
+        """Which edge of the region a position (3,) stands on, in words; None inside it."""
+        if np.hypot(*(beacon[:2] - self.centre)) > 0.9999 * self.max_range_m:
+            return f"the greatest range ({self.max_range_m:g} m from the ship's mean position)"
+        if depth_below_surface(beacon) > 0.9999 * self.max_depth_m:
+            return f"the greatest depth ({self.max_depth_m:g} m)"
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What was measured, how well, and where the answer may lie."""
+
+    ship: np.ndarray  # (N, 3) hydrophone east, north, up [m]
+    time: np.ndarray  # (N,) travel time plus constant [s]
+    paths: Paths
+    region: Region
+    gps_rms_m: float  # ship position error per horizontal axis; 0 weighs all pings alike
+    time_sigma_s: float  # error of one time before ship position enters; the scale's floor
+    emission_known: bool
+
+    def only(self, keep) -> Problem:
+        """The same problem with some of its pings."""
+        return Problem(
+            self.ship[keep], self.time[keep], self.paths, self.region,
+            self.gps_rms_m, self.time_sigma_s, self.emission_known,
+        )  # fmt: skip
+
+    @property
+    def unknowns(self) -> int:
+        """How many numbers are estimated: position, and the emission offset unless it is known."""
+        return 3 if self.emission_known else 4
+
+    def relative_weight(self, gradient: np.ndarray) -> np.ndarray:
+        """Weight of each ping (S, N) from its time error and its ship position's error, mean near 1."""
+        if not self.gps_rms_m:
+            return np.ones(gradient.shape[:2])
+        horizontal = np.einsum("snk,snk->sn", gradient[..., :2], gradient[..., :2])
+        variance = self.time_sigma_s**2 + self.gps_rms_m**2 * horizontal
+        return np.median(variance, axis=1, keepdims=True) / variance
+
+    def eliminate(self, beacon, weight) -> Misfit:
+        """Residuals and gradients at beacons (S, 3) with the emission offset taken out."""
+        travel_time, time_gradient = self.paths.times(beacon, self.ship)
+        usable = np.isfinite(travel_time)
+        weight = np.where(usable, weight, 0.0)
+        residual = np.where(usable, self.time - travel_time, 0.0)
+        time_gradient = np.where(usable[..., None], time_gradient, 0.0)
+        gradient = time_gradient
+        offset = np.zeros(len(beacon))
+        if not self.emission_known:
+            total = np.maximum(weight.sum(axis=1), 1e-300)
+            offset = (weight * residual).sum(axis=1) / total
+            residual = np.where(usable, residual - offset[:, None], 0.0)
+            mean = np.einsum("sn,snk->sk", weight, gradient) / total[:, None]
+            gradient = np.where(usable[..., None], gradient - mean[:, None, :], 0.0)
+        return Misfit(residual, gradient, weight, offset, travel_time, time_gradient)
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Residuals at some positions, with the emission offset eliminated."""
+
+    residual: np.ndarray  # (S, N) [s]
+    gradient: np.ndarray  # (S, N, 3) [s/m] of the fitted time by position, the offset following
+    weight: np.ndarray  # (S, N)
+    offset: np.ndarray  # (S,) [s]
+    travel_time: np.ndarray  # (S, N) [s]
+    time_gradient: np.ndarray  # (S, N, 3) [s/m] of the travel time alone
+
+    @property
+    def sum_of_squares(self) -> np.ndarray:
+        """Weighted sum of squared residuals (S,) [s^2]."""
+        lost = ~np.isfinite(self.travel_time)  # a place that no ray reaches must never look good
+        worst = np.max(np.abs(self.residual), axis=1, initial=1e-3) ** 2
+        return (self.weight * self.residual**2).sum(axis=1) + lost.sum(axis=1) * worst
+
+    def normal_matrix(self, axes: np.ndarray = FREE) -> np.ndarray:
+        """Normal matrices (S, K, K) along the free axes (K, 3)."""
+        along = self.gradient @ axes.T
+        return np.einsum("snk,sn,snl->skl", along, self.weight, along)
+
+
+def descend(problem, beacon, weight, *, steps, axes=FREE):
+    """Positions (S, 3) after some Levenberg-Marquardt steps with frozen weights, and the last step [m].
+
+    Each start has its own damping; a step is kept only where it lessens the sum of squares.
+    """
+    damping = np.full(len(beacon), 1e-3)
+    misfit = problem.eliminate(beacon, weight)
+    moved = np.full(len(beacon), np.inf)
+    for _ in range(steps):
+        normal = misfit.normal_matrix(axes)
+        slope = np.einsum("snk,sn->sk", misfit.gradient, misfit.weight * misfit.residual) @ axes.T
+        # Scaled by the trace, not by each diagonal element: a direction that no ping sees must
+        # stay put, not leap.
+        trace = np.trace(normal, axis1=1, axis2=2) + 1e-300
+        damped = normal + (damping * trace)[:, None, None] * np.eye(len(axes))
+        step = np.linalg.solve(damped, slope[..., None])[..., 0] @ axes
+        trial = problem.region.clip(beacon + step)
+        trial_misfit = problem.eliminate(trial, weight)
+        better = trial_misfit.sum_of_squares < misfit.sum_of_squares
+        moved = np.where(better, np.linalg.norm(trial - beacon, axis=1), np.linalg.norm(step, axis=1))
+        damping = np.clip(np.where(better, damping * 0.1, damping * 10), 1e-12, 1e6)
+        beacon = np.where(better[:, None], trial, beacon)
+        misfit = problem.eliminate(beacon, weight)
+        if np.all(moved < 1e-5):
+            break
+    return beacon, moved
+
+
+def scale_of(residual: np.ndarray, unknowns: int, floor: float) -> np.ndarray:
+    """Robust standard deviation (S,) of residuals (S, N) after fitting, from their median size."""
+    pings = residual.shape[1]
+    freedom = np.sqrt(pings / max(pings - unknowns, 1))
+    return np.maximum(1.4826 * freedom * np.median(np.abs(residual), axis=1), floor)
+
+
+def biweight(residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Tukey's redescending weights (S, N): one at the centre, none beyond TUKEY scales."""
+    u = residual / (TUKEY * scale[:, None])
+    return np.where(np.abs(u) < 1, (1 - u**2) ** 2, 0.0)
+
+
+def biweight_cost(residual: np.ndarray, scale: float) -> np.ndarray:
+    """Robust chi-square (S,): squares near the centre, a constant for a false return."""
+    u = np.minimum(np.abs(residual) / (TUKEY * scale), 1.0)
+    return (TUKEY**2 / 3 * (1 - (1 - u**2) ** 3)).sum(axis=1)
+
+
+def robust_descent(problem, beacon, *, rounds, steps, axes=FREE):
+    """Positions (S, 3) after redescending least squares, with the scale (S,) [s] at which it ended."""
+    weight = np.ones((len(beacon), len(problem.time)))
+    for round_number in range(rounds):
+        misfit = problem.eliminate(beacon, weight)
+        # The offset of the first rounds is a median, which false returns do not move.
+        residual = misfit.residual
+        if not problem.emission_known and round_number < 3:
+            residual = residual - np.median(residual, axis=1, keepdims=True)
+        scale = scale_of(residual, problem.unknowns, problem.time_sigma_s)
+        weight = biweight(residual, scale) * problem.relative_weight(misfit.gradient)
+        beacon, moved = descend(problem, beacon, weight, steps=steps, axes=axes)
+        if np.all(moved < 1e-4) and round_number > 3:
+            break
+    return beacon, scale
+
+
+def settle(problem, beacon, scale, *, reject, axes=FREE):
+    """One position (3,) by least squares on the pings within CUT scales, renewed until none changes.
+
+    Returns the position, which pings were used (N,), and whether the last step had come to rest.
+    With reject="none" every ping is used.
+    """
+    beacon = beacon[None]
+    keep = np.ones(len(problem.time), bool)
+    if reject != "none":
+        misfit = problem.eliminate(beacon, np.ones((1, len(keep))))
+        residual = misfit.residual[0]
+        if not problem.emission_known:
+            residual = residual - np.median(residual)
+        keep = np.abs(residual) <= CUT * scale
+    seen: set[bytes] = set()
+    for _ in range(12):
+        for _ in range(3):  # weights follow the geometry, frozen within each descent
+            gradient = problem.paths.times(beacon, problem.ship)[1]
+            weight = keep * np.nan_to_num(problem.relative_weight(gradient))
+            beacon, moved = descend(problem, beacon, weight, steps=30, axes=axes)
+        if reject == "none":
+            break
+        residual = problem.eliminate(beacon, weight).residual
+        scale = scale_of(residual[:, keep], problem.unknowns, problem.time_sigma_s)
+        renewed = np.abs(residual[0]) <= CUT * scale[0]
+        if np.array_equal(renewed, keep) or renewed.tobytes() in seen:
+            break
+        seen.add(renewed.tobytes())
+        keep = renewed
+    return beacon[0], keep, bool(moved[0] < 1e-3)
+
+
+def starts(problem: Problem, extra: np.ndarray | None = None) -> np.ndarray:
+    """Starting positions (S, 3): four bearings at four depths about the ship's track, and any told."""
+    extent = max(np.ptp(problem.ship[:, 0]), np.ptp(problem.ship[:, 1]), 200.0)
+    depths = np.array([0.02, 0.1, 0.25, 0.6]) * min(problem.region.max_depth_m, 10_000.0)
+    angles = np.pi / 2 * np.arange(4) + 0.3
+    east_north = problem.region.centre + 0.3 * extent * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    grid = np.array([(*place, -depth) for depth in depths for place in east_north])
+    if extra is not None:
+        grid = np.concatenate([grid, np.atleast_2d(extra)])
+    return problem.region.clip(grid)

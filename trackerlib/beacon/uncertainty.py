@@ -1,0 +1,185 @@
+"""How sure a fix is: its covariance, what widens it, and what the geometry cannot see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from trackerlib.compiled import compiled, warms
+
+CHI_SQUARE_95_IN_PLANE = stats.chi2.ppf(0.95, 2)
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """Ellipse on the map that holds the truth with 95 % probability."""
+
+    semi_major_m: float
+    semi_minor_m: float
+    bearing_deg: float  # of the major axis, from true north, 0 to 180
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """Covariance of a position (east, north, up) and where it comes from."""
+
+    covariance: np.ndarray  # (3, 3) [m^2]: noise and sound speed together
+    noise_covariance: np.ndarray  # (3, 3) [m^2] from times and ship positions
+    by_sound_speed: np.ndarray  # (3,) movement of the answer per m/s of mean sound speed
+    speed_sigma_mps: float  # standard error of the mean sound speed that the covariance holds
+    rms_s: float  # root-mean-square residual of the pings used
+    correlation: ResidualCorrelation
+    degrees_of_freedom: float
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard errors (3,) [m] east, north, up."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+@dataclass(frozen=True)
+class ResidualCorrelation:
+    """Autocorrelation of residuals: share x decay^lag at lags from 1 on."""
+
+    share: float = 0.0  # of the variance that is correlated; the rest is white
+    decay: float = 0.0  # from one ping to the next
+
+    @property
+    def length(self) -> float:
+        """How many successive residuals count as one independent: 1 + 2 x the sum of correlations."""
+        return 1 + 2 * self.share * self.decay / (1 - self.decay)
+
+    @property
+    def variance_length(self) -> float:
+        """The same for an estimate of their variance: 1 + 2 x the sum of squared correlations."""
+        return 1 + 2 * (self.share * self.decay) ** 2 / (1 - self.decay**2)
+
+
+def residual_correlation(residual: np.ndarray) -> ResidualCorrelation:
+    """White noise and a slow part, as the autocorrelation of residuals in time order shows them.
+
+    The slow part is given the sum of the autocorrelations: pairs of lags are added while their sum
+    stays positive (Geyer's initial positive sequence), up to a quarter of the series. Residuals
+    whose first autocorrelation is within what white noise shows 99 times in 100 count as white.
+    """
+    pings = len(residual)
+    e = residual - residual.mean() if pings else residual
+    total = e @ e
+    if pings < 8 or total == 0:
+        return ResidualCorrelation()
+    rho = np.array([e[: pings - lag] @ e[lag:] for lag in range(pings // 4 + 1)]) / total
+    if rho[1] < 2.33 / np.sqrt(pings):
+        return ResidualCorrelation()
+    if len(rho) % 2:
+        rho = rho[:-1]
+    pair_sums = rho[0::2] + rho[1::2]  # rho 0 + rho 1, rho 2 + rho 3, ...
+    negative = np.flatnonzero(pair_sums <= 0)
+    kept = pair_sums[: negative[0]] if len(negative) else pair_sums
+    beyond_zero = kept.sum() - 1.0  # at least rho 1
+    # share x decay = rho 1 and share x decay / (1 - decay) = beyond_zero
+    decay = 1 - rho[1] / max(beyond_zero, rho[1] / 0.99)
+    share = min(rho[1] / decay, 1.0)
+    decay += (1 + 3 * decay) / pings  # a short series looks whiter than it is (Marriott and Pope 1954)
+    return ResidualCorrelation(share=float(share), decay=float(min(decay, 0.999)))
+
+
+def uncertainty_of(
+    misfit, keep, *, unknowns, floor_s, mean_speed_mps, speed_sigma_mps, ship_errors: SlowErrors | None = None
+) -> Uncertainty | None:
+    """Uncertainty of a least-squares position from its residuals, or None with too few pings for one.
+
+    misfit : Misfit of that one position, with weight zero at the pings left out
+    keep : (N,) which pings were used
+    floor_s : the time error that the logging step alone makes
+    ship_errors : errors of the ship's position at the pings used, where they are assumed and not
+        left to the residuals
+    The noise part is scaled by the residuals themselves, with their autocorrelation carried through
+    the geometry, and by Student's t so that 1.96 sigma holds 95 % with few pings too. A slow error of the ship's
+    position is swallowed by a short survey and leaves no residual, so where `ship_errors` would
+    move the answer farther than the residuals tell, they count. Sound speed is not estimated: its
+    standard error enters as what it would move the answer by.
+    """
+    weight, gradient = misfit.weight[0][keep], misfit.gradient[0][keep]
+    root = np.sqrt(weight)
+    whitened = misfit.residual[0][keep] * root
+    correlation = residual_correlation(whitened)
+    freedom = len(whitened) / correlation.variance_length - unknowns
+    if freedom < 1:
+        return None
+    variance = max(whitened @ whitened / (len(whitened) - unknowns), floor_s**2)
+    inverse = np.linalg.pinv(gradient.T @ (weight[:, None] * gradient), rcond=1e-15, hermitian=True)
+    noise = variance * (1 - correlation.share) * inverse
+    if correlation.share:
+        response = ((gradient * root[:, None]) @ inverse)[:, None, :]
+        decay = np.full(len(response) - 1, correlation.decay)
+        noise = noise + variance * correlation.share * _correlated_sum(response, decay)
+    noise = noise * (stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975)) ** 2
+    if ship_errors is not None:
+        gain = (gradient * weight[:, None]) @ inverse
+        slope = misfit.time_gradient[0][keep][:, :2]
+        noise = wider(noise, ship_errors.moved_by(slope[:, :, None] * gain[:, None, :]))
+    # Times scale as 1/speed; the answer moves to undo what the emission offset cannot.
+    by_speed = inverse @ (gradient.T @ (weight * misfit.travel_time[0][keep])) / mean_speed_mps
+    covariance = noise + speed_sigma_mps**2 * np.outer(by_speed, by_speed)
+    rms = float(np.sqrt(np.mean(misfit.residual[0][keep] ** 2)))
+    return Uncertainty(covariance, noise, by_speed, speed_sigma_mps, rms, correlation, float(freedom))
+
+
+def wider(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """The covariance that is as wide as the wider of two in every direction (second may be singular)."""
+    root = np.linalg.cholesky(first + 1e-12 * np.trace(first) * np.eye(len(first)))
+    inverse = np.linalg.inv(root)
+    values, vectors = np.linalg.eigh(inverse @ second @ inverse.T)
+    basis = root @ vectors
+    return (basis * np.maximum(values, 1.0)) @ basis.T
+
+
+@dataclass(frozen=True, eq=False)
+class SlowErrors:
+    """An error of the ship's position that changes slowly, the same for east and north."""
+
+    rms_m: float
+    time_s: float  # in which its correlation falls by e
+    utc: np.ndarray  # (n,) datetime64 of the pings used; where one is missing pings count as 15 s apart
+
+    def moved_by(self, response: np.ndarray) -> np.ndarray:
+        """Covariance (3, 3) of an answer that moves by response (n, 2, 3) per metre of ship east, north."""
+        if np.isnat(self.utc).any():
+            apart = np.full(len(self.utc) - 1, 15.0)
+        else:
+            apart = np.abs(np.diff(self.utc).astype("timedelta64[ms]").astype(float)) * 1e-3
+        return self.rms_m**2 * _correlated_sum(np.ascontiguousarray(response), np.exp(-apart / self.time_s))
+
+
+@compiled
+def _correlated_sum(response, kept):
+    """Sum over pairs of pings of response_i response_j' (3, 3) times the product of `kept` between them.
+
+    response : (n, axes, 3), each axis on its own; kept : (n - 1,) correlation from one to the next
+    """
+    total = np.zeros((3, 3))
+    for axis in range(response.shape[1]):
+        before = np.zeros(3)  # what all earlier pings add, as correlated with this one
+        for i in range(len(response)):
+            if i:
+                before = (before + response[i - 1, axis]) * kept[i - 1]
+            for j in range(3):
+                for k in range(3):
+                    own = response[i, axis]
+                    total[j, k] += own[j] * own[k] + own[j] * before[k] + before[j] * own[k]
+    return total
+
+
+@warms
+def _warm() -> None:
+    _correlated_sum(np.ones((2, 2, 3)), np.ones(1))
+
+
+def ellipse95(covariance: np.ndarray) -> Ellipse:
+    """95 % ellipse on the map of a covariance (3, 3) or (2, 2), east and north first [m^2]."""
+    values, vectors = np.linalg.eigh(covariance[:2, :2])
+    minor, major = np.sqrt(CHI_SQUARE_95_IN_PLANE * np.maximum(values, 0))
+    bearing = float(np.degrees(np.arctan2(vectors[0, 1], vectors[1, 1])) % 180)
+    return Ellipse(float(major), float(minor), bearing)

@@ -1,0 +1,185 @@
+"""`fix PINGS`: a beacon's position from a survey, with its uncertainty or the reason why there is none."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+from trackerlib.beacon.fix import BeaconFix, FixSettings, fix_beacon
+from trackerlib.surveyfiles.profile_csv import read_profile_csv
+from trackerlib.surveyfiles.survey import LAYOUTS, read_survey
+from trackerlib.textfiles import InputError
+
+SUMMARY = "fix a beacon from a survey file"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `fix`."""
+    defaults = FixSettings()
+    add = parser.add_argument
+    add("pings", type=Path, metavar="PINGS", help="csv of pings, or a survey log of the SIO or WHOI kind")
+    add("--format", choices=LAYOUTS, default="auto", help="layout of the file (default: look at it)")
+    add("--transponder", metavar="NAME", help="which one, where a csv holds several")
+    add("--method", choices=("all-pings",), default="all-pings", help="estimator")
+    water = parser.add_mutually_exclusive_group()
+    water.add_argument("--sound-speed-mps", type=float, default=defaults.sound_speed_mps, metavar="C")
+    water.add_argument("--profile", type=Path, metavar="FILE", help="csv depth_m, speed_mps")
+    add("--sound-speed-sigma-mps", type=float, metavar="S", help="default 2, or 0.5 with a profile")
+    add("--gps-rms-m", type=float, metavar="G", help="ship position error, each of east and north")
+    add(
+        "--sample-interval-ms",
+        type=float,
+        metavar="S",
+        help="step of the one-way times (default: found in the file)",
+    )
+    add("--emission-known", action="store_true", help="times are true travel times")
+    add(
+        "--turnaround-ms",
+        type=float,
+        metavar="T",
+        help="delay inside two-way times (default: the file's, else 13)",
+    )
+    add("--start", type=_place, metavar="LAT,LON,DEPTH_M", help="a further place to start from")
+    add("--max-range-m", type=float, default=defaults.max_range_m, metavar="R")
+    add("--max-depth-m", type=float, default=defaults.max_depth_m, metavar="D")
+    add("--hydrophone-depth-m", type=float, default=0.0, metavar="H", help="where the file does not say")
+    add("--reject", choices=("auto", "none"), default="auto", help="leave out false returns, or nothing")
+
+
+def run(args: argparse.Namespace) -> dict:
+    """The answer of `fix` as a document for JSON."""
+    reading = read_survey(
+        args.pings,
+        layout=args.format,
+        turnaround_s=None if args.turnaround_ms is None else args.turnaround_ms * 1e-3,
+        transponder=args.transponder,
+        hydrophone_depth_m=args.hydrophone_depth_m,
+    )
+    for record in reading.bad_records:
+        print(f"{args.pings.name}, line {record.line}: {record.why}", file=sys.stderr)
+    for note in reading.notes:
+        print(f"{args.pings.name}: {note}", file=sys.stderr)
+    try:
+        settings = FixSettings(
+            sound_speed_mps=args.sound_speed_mps,
+            profile=None if args.profile is None else read_profile_csv(args.profile),
+            sound_speed_sigma_mps=args.sound_speed_sigma_mps,
+            gps_rms_m=args.gps_rms_m,
+            sample_interval_ms=args.sample_interval_ms,
+            emission_known=args.emission_known,
+            start=args.start,
+            max_range_m=args.max_range_m,
+            max_depth_m=args.max_depth_m,
+            hydrophone_depth_m=args.hydrophone_depth_m,
+            reject=args.reject,
+        )
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(f"fix: {error}") from None
+    return document(fix_beacon(reading.pings, settings))
+
+
+def document(fix: BeaconFix) -> dict:
+    """A fix under the keys that others rely on."""
+    known = fix.position is not None
+    answer = {
+        "converged": fix.converged,
+        "reason": fix.reason,
+        "lat_deg": fix.lat_deg,
+        "lon_deg": fix.lon_deg,
+        "depth_m": fix.depth_m,
+        "east_m": float(fix.position[0]) if known else None,
+        "north_m": float(fix.position[1]) if known else None,
+        "origin": {"lat_deg": fix.frame.lat_deg, "lon_deg": fix.frame.lon_deg},
+        "velocity_mps": None,
+        "emission_offset_s": fix.emission_offset_s,
+        "sound_speed_mps": fix.sound_speed_mps,
+        "pings": len(fix.number),
+        "used": int(fix.used.sum()),
+        "rejected": [int(number) for number in fix.rejected],
+        "unobservable": [{"direction_enu": list(u.direction_enu), "why": u.why} for u in fix.unobservable],
+        "alternatives": [
+            {
+                "lat_deg": other.lat_deg,
+                "lon_deg": other.lon_deg,
+                "depth_m": other.depth_m,
+                "east_m": other.east_m,
+                "north_m": other.north_m,
+                "chi_square_above_best": other.misfit,
+            }
+            for other in fix.alternatives
+        ],
+        "method": fix.method,
+        "simulated": fix.simulated,
+        **_uncertainty(fix),
+    }
+    if fix.unobservable:
+        answer["along_track_m"] = fix.along_track_m
+        answer["closest_slant_range_m"] = fix.closest_slant_range_m
+    return answer
+
+
+def _uncertainty(fix: BeaconFix) -> dict:
+    keys = ("sigma_east_m", "sigma_north_m", "sigma_depth_m", "covariance_enu_m2", "ellipse95", "rms_ms")
+    if fix.uncertainty is None:
+        return dict.fromkeys(keys)
+    shape = fix.ellipse
+    return {
+        **dict(zip(keys[:3], map(float, fix.sigma), strict=True)),
+        "covariance_enu_m2": fix.uncertainty.covariance.tolist(),
+        "ellipse95": {
+            "semi_major_m": shape.semi_major_m,
+            "semi_minor_m": shape.semi_minor_m,
+            "bearing_deg": shape.bearing_deg,
+        },
+        "rms_ms": 1e3 * fix.uncertainty.rms_s,
+        "sigma_depth_from_sound_speed_m": abs(
+            float(fix.uncertainty.speed_sigma_mps * fix.uncertainty.by_sound_speed[2])
+        ),
+        "residual_correlation_length": fix.uncertainty.correlation.length,
+    }
+
+
+def report(answer: dict) -> str:
+    """The answer of `fix` for a person."""
+    lines = []
+    if not answer["converged"]:
+        lines.append(f"No fix: {answer['reason']}")
+    if answer["lat_deg"] is not None:
+        lines.append(
+            f"{'position' if answer['converged'] else 'best guess'}  {answer['lat_deg']:.7f}, {answer['lon_deg']:.7f}"
+        )
+        lines.append(f"depth     {answer['depth_m']:.1f} m")
+    if answer["sigma_east_m"] is not None:
+        lines.append(
+            f"sigma     {answer['sigma_east_m']:.2g} m east, {answer['sigma_north_m']:.2g} m north, "
+            f"{answer['sigma_depth_m']:.2g} m depth"
+        )
+        shape = answer["ellipse95"]
+        lines.append(
+            f"ellipse   95 %: {shape['semi_major_m']:.2g} by {shape['semi_minor_m']:.2g} m, "
+            f"long axis {shape['bearing_deg']:.0f} degrees from true north"
+        )
+    if answer.get("along_track_m") is not None:
+        lines.append(f"along track {answer['along_track_m']:.0f} m from the first ping")
+        lines.append(f"closest slant range {answer['closest_slant_range_m']:.0f} m")
+    lines += [
+        f"fits as well: {a['lat_deg']:.6f}, {a['lon_deg']:.6f}, depth {a['depth_m']:.0f} m"
+        for a in answer["alternatives"]
+    ]
+    rejected = ", ".join(map(str, answer["rejected"])) or "none"
+    lines.append(f"pings     {answer['used']} of {answer['pings']} used; left out: {rejected}")
+    return "\n".join(lines)
+
+
+def _place(text: str) -> tuple[float, float, float]:
+    try:
+        lat, lon, depth = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"found {text!r}; wanted LAT,LON,DEPTH_M") from None
+    if not (abs(lat) <= 90 and abs(lon) <= 360 and 0 <= depth <= 12_000 and math.isfinite(lon)):
+        raise argparse.ArgumentTypeError(f"found {text!r}; wanted degrees, degrees, metres below the surface")
+    return lat, lon, depth
