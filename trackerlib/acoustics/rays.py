@@ -67,7 +67,7 @@ def fit_rays(profile: SoundSpeedProfile, horizontal_range, target_depth, array_d
     if len(depths):
         profile = profile.extended(min(depths.min(), profile.depth[0]), max(depths.max(), profile.depth[-1]))
     out = np.full((6, given[0].size), np.nan)
-    _fit_all(profile.depth, profile.speed, *given, out)
+    _fit_all(profile.depth, profile.speed, given[0], given[1], given[2], out)
     return EigenRays(np.isfinite(out[0]).reshape(shape), *(row.reshape(shape) for row in out))
 
 

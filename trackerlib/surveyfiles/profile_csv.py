@@ -23,7 +23,9 @@ def read_profile_csv(path: str | Path) -> SoundSpeedProfile:
 
 def parse_profile_csv(lines: list[str], name: str) -> SoundSpeedProfile:
     """The same from lines already read."""
-    order, depths, speeds = (0, 1), [], []
+    order = (0, 1)
+    depths: list[float] = []
+    speeds: list[float] = []
     for number, line in enumerate(lines, 1):
         text = line.strip()
         if not text or text.startswith("#"):
