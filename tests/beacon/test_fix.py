@@ -215,7 +215,8 @@ def test_a_further_start_does_no_harm():
 
 def test_the_history_ends_with_the_fix_of_all_pings():
     pings = survey(ELBOW, BEACON, USUAL)
-    *_, last = fix_history(pings, first=len(pings) - 1)
+    *_, (count, last) = fix_history(pings, first=len(pings) - 1)
+    assert count == len(pings)
     assert np.array_equal(last.position, fix_beacon(pings).position)
 
 

@@ -60,7 +60,7 @@ def test_a_constant_in_every_time_moves_nothing(wc03, constant_s):
 
 def test_a_young_fix_of_wc03_is_refused_or_covers_the_truth(wc03):
     pings, settings, answer = wc03
-    fixes = list(fix_history(pings, settings, first=4))
+    fixes = [fix for _, fix in fix_history(pings, settings, first=4)]
     assert not fixes[2].converged  # after six pings
     assert "6 usable pings" in fixes[2].reason
     believed = [fix for fix in fixes if fix.converged]

@@ -148,10 +148,12 @@ def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
     return _Attempt(problem, blank, allowed, settings, pings.utc[allowed], extra).result()
 
 
-def fix_history(pings: Pings, settings: FixSettings | None = None, first: int = 1) -> Iterator[BeaconFix]:
-    """The fix after each ping from the `first`-th on, as the ship would have known it."""
-    for count in range(first, len(pings) + 1):
-        yield fix_beacon(pings.only(slice(0, count)), settings)
+def fix_history(
+    pings: Pings, settings: FixSettings | None = None, first: int = 1, step: int = 1
+) -> Iterator[tuple[int, BeaconFix]]:
+    """How many pings had been heard, and the fix the ship would have had then, every `step` pings."""
+    for count in range(first, len(pings) + 1, step):
+        yield count, fix_beacon(pings.only(slice(0, count)), settings)
 
 
 def _problem(pings: Pings, ship: np.ndarray, allowed: np.ndarray, settings: FixSettings) -> Problem:

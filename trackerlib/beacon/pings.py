@@ -29,6 +29,14 @@ class Pings:
     def __len__(self) -> int:
         return len(self.number)
 
+    @property
+    def elapsed_s(self) -> np.ndarray:
+        """Seconds (N,) since the first ping, never falling; 15 s a ping where the file tells no time."""
+        if np.isnat(self.utc).any():
+            return 15.0 * np.arange(len(self))
+        seconds = (self.utc - self.utc[:1]).astype("timedelta64[ms]").astype(float) * 1e-3
+        return np.maximum.accumulate(seconds)
+
     def only(self, keep: np.ndarray | slice) -> Pings:
         """The same pings where `keep` (N,) is true, or a slice of them."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _COLUMNS})

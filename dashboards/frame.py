@@ -1,0 +1,348 @@
+"""The page: menu, tabs, status line, keys. Builds it for one browser session."""
+
+from __future__ import annotations
+
+import html
+import logging
+from datetime import date
+from importlib import import_module
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards import guard
+from dashboards.keys import Keys
+from dashboards.session import UPLOAD_LIMIT_MB, Session
+from trackerlib import __version__
+from trackerlib.textfiles import InputError
+
+log = logging.getLogger("workbench")
+
+NAME = "Tracker workbench"
+TABS = (
+    "dashboards.tabs.chart:ChartTab",
+    "dashboards.tabs.crossover:CrossoverTab",
+    "dashboards.tabs.timing:TimingTab",
+    "dashboards.tabs.beacon:BeaconTab",
+)
+TICK_MS = 200
+
+THEME = {
+    "palette": {"primary": {"main": "#0B5E8A"}},
+    "typography": {"fontSize": 12.5, "button": {"textTransform": "none"}},
+    "components": {
+        "MuiTab": {
+            "styleOverrides": {"root": {"textTransform": "none", "minHeight": 34, "padding": "4px 14px"}}
+        },
+        "MuiTabs": {"styleOverrides": {"root": {"minHeight": 34}}},
+        "MuiToolbar": {
+            "styleOverrides": {"root": {"minHeight": "40px !important", "padding": "0 12px !important"}}
+        },
+    },
+}
+DENSE = """
+.controls { font-size: 13px; }
+#header, .header { min-height: 40px !important; height: 40px !important; }
+body { overflow: hidden; }
+"""
+
+HELP = """
+**Open** reads a survey log (SIO, WHOI), pings or a sound-speed profile as CSV, a T-file, an array table or a
+session file; which it is, is seen from the file.
+
+Keys: **space** plays and pauses the replay, **Ctrl+S** saves the session, **Ctrl+Z** and **Ctrl+Shift+Z** undo
+and redo, **Ctrl+O** opens. Arrow keys nudge a number; double click on a slider's name puts its default back.
+The panes' borders can be dragged; *View* sets them by keyboard. Figures: wheel zooms, *box select* marks points
+on every view, *reset* shows everything again; a click on a legend entry hides it.
+
+Everything runs on this machine; nothing is fetched from anywhere else.
+"""
+
+
+def extension() -> None:
+    """Readies Panel for a page: once for each session."""
+    pn.extension(
+        "tabulator",
+        "filedropper",
+        raw_css=[DENSE],
+        notifications=True,
+        reconnect=False,
+        disconnect_notification="The server has gone away. Your last picture stays; reload the page to go on.",
+        exception_handler=_unexpected,
+    )
+
+
+def _unexpected(error: Exception) -> None:
+    """Any exception of a callback, in words; it never ends the session."""
+    session = pn.state.cache.get(_session_key())
+    if session is not None:
+        session.report(error)
+    else:
+        log.error("unexpected", exc_info=error)
+        if pn.state.notifications is not None:
+            pn.state.notifications.error(html.escape(str(error)), duration=0)
+
+
+def _session_key() -> str:
+    document = pn.state.curdoc
+    return f"session-{id(document)}"
+
+
+def serve_page(tabs=TABS) -> None:
+    """Builds the page and makes it what is served, or serves the reason why it cannot be built, in words."""
+    guard.install()
+    try:
+        extension()
+        page = Workbench(tabs).page()
+    except Exception as error:
+        log.error("the page could not be built", exc_info=error)
+        page = pn.Column(
+            pn.pane.Alert(
+                f"**{NAME} could not start.**\n\n{type(error).__name__}: {html.escape(str(error))}\n\n"
+                "The terminal in which it was started shows the details.",
+                alert_type="danger",
+            )
+        )
+    page.servable(title=NAME)
+
+
+class Workbench:
+    """One browser session's page."""
+
+    def __init__(self, tabs=TABS, session: Session | None = None):
+        self.session = session or Session()
+        self.tabs = [self._tab(one)(session=self.session) for one in tabs]
+        self._shown = None
+        self._tabs = pmui.Tabs(
+            *((tab.title, pn.Column(sizing_mode="stretch_both", margin=0)) for tab in self.tabs),
+            sizing_mode="stretch_both",
+            dynamic=False,
+            margin=0,
+        )
+        self._tabs.param.watch(self._show, "active")
+        self._keys = Keys(
+            {
+                "ctrl+s": self._save,
+                "ctrl+o": self._open,
+                "ctrl+z": self.session.undo,
+                "ctrl+y": self.session.redo,
+                "ctrl+shift+z": self.session.redo,
+                "space": self.session.play,
+            },
+            typing=("ctrl+s", "ctrl+o"),
+        )
+        self._dialog = self._open_dialog()
+        self._help = pmui.Dialog(
+            pn.pane.Markdown(HELP + f"\n\nVersion {__version__}"),
+            title=NAME,
+            width_option="md",
+            show_close_button=True,
+        )
+
+    @staticmethod
+    def _tab(one):
+        if not isinstance(one, str):
+            return one
+        module, name = one.split(":")
+        return getattr(import_module(module), name)
+
+    # -- parts ---------------------------------------------------------------------------------
+
+    def page(self):
+        """The whole page, with its demo data open and its first tab drawn."""
+        self._join_document()
+        main = pn.Column(
+            pn.Row(
+                self._menu(), pn.HSpacer(), self._badge(), sizing_mode="stretch_width", margin=0, height=38
+            ),
+            self._tabs,
+            self._status(),
+            self._keys,
+            self._dialog,
+            self._help,
+            sizing_mode="stretch_both",
+            margin=0,
+        )
+        page = pmui.Page(title=NAME, main=[main], theme_config=THEME)
+        self._open_demos()
+        self._show()
+        return page
+
+    def _join_document(self) -> None:
+        document = pn.state.curdoc
+        if document is None or document.session_context is None:
+            return
+        key = _session_key()
+        pn.state.cache[key] = self.session
+        document.on_session_destroyed(
+            lambda context: (pn.state.cache.pop(key, None), self.session.jobs.cancel()) and None
+        )
+        document.add_periodic_callback(self._tick, TICK_MS)
+        if pn.state.location is not None:
+            pn.state.location.sync(self._tabs, {"active": "tab"})
+
+    def _tick(self) -> None:
+        try:
+            self.session.tick(TICK_MS / 1e3)
+        except Exception as error:
+            self.session.param.update(playing=False)
+            self.session.report(error)
+
+    def _open_demos(self) -> None:
+        try:
+            self.session.open_range_demo()
+            self.session.open_beacon_demo()
+            self.session.say("Simulated data that come with the program are open. Open… reads yours.")
+        except InputError as error:
+            self.session.report(error)
+
+    def _menu(self):
+        sizes = {"Narrow controls": 14, "Usual controls": 19, "Wide controls": 30}
+        items = [
+            {
+                "label": "File",
+                "items": [
+                    {"label": "Open…", "icon": "folder_open", "hint": "Ctrl+O"},
+                    {"label": "Open simulated survey", "icon": "sailing"},
+                    {"label": "Open simulated range run", "icon": "route"},
+                    {"label": "Save session", "icon": "save", "hint": "Ctrl+S"},
+                    {"label": "Export this tab", "icon": "file_download"},
+                ],
+            },
+            {
+                "label": "Edit",
+                "items": [
+                    {"label": "Undo", "icon": "undo", "hint": "Ctrl+Z"},
+                    {"label": "Redo", "icon": "redo", "hint": "Ctrl+Shift+Z"},
+                ],
+            },
+            {"label": "View", "items": [{"label": label} for label in sizes]},
+            {"label": "Help", "items": [{"label": "How to use it"}]},
+        ]
+        actions = {
+            "Open…": self._open,
+            "Open simulated survey": self.session.open_beacon_demo,
+            "Open simulated range run": self.session.open_range_demo,
+            "Save session": self._save,
+            "Export this tab": self._export,
+            "Undo": self.session.undo,
+            "Redo": self.session.redo,
+            "How to use it": lambda: self._help.param.update(open=True),
+            **{label: (lambda share=share: self._resize(share)) for label, share in sizes.items()},
+        }
+        menu = pmui.MenuBar(items=items, margin=0)
+        menu.on_click(lambda item: actions.get(item.get("label"), lambda: None)())
+        return menu
+
+    def _resize(self, share: int) -> None:
+        layout = self.tabs[self._tabs.active]._layout
+        if layout is not None:
+            layout.sizes = (share, 100 - share)
+
+    def _badge(self):
+        session = self.session
+
+        def text(pings, tfile):
+            names = [source.rsplit("/", 1)[-1] for source in (
+                pings.source if pings is not None else "", tfile.reports.source if tfile is not None else ""
+            ) if source]  # fmt: skip
+            label = " · ".join(html.escape(name) for name in names)
+            badge = (
+                '<b style="background:#B35900;color:white;border-radius:4px;padding:1px 7px">SIMULATED</b>'
+            )
+            return f"{label} &nbsp; {badge if session.simulated else ''}"
+
+        return pn.pane.HTML(
+            pn.bind(text, session.param.pings, session.param.tfile),
+            margin=(9, 12),
+            styles={"font-size": "13px"},
+        )
+
+    def _status(self):
+        session = self.session
+
+        def words(message, failed, work):
+            colour = "color:#C62828;font-weight:600" if failed else ""
+            running = f"<b>{html.escape(work)}</b> &nbsp; " if work else ""
+            return f'{running}<span style="{colour}" role="status">{html.escape(message)}</span>'
+
+        cancel = pmui.Button(
+            label="Cancel", size="small", variant="outlined", margin=(2, 6), on_click=lambda event: session.jobs.cancel(),
+            visible=session.param.work.rx() != "",
+        )  # fmt: skip
+        bar = pmui.LinearProgress(
+            value=(session.param.progress.rx() * 100).rx.pipe(int), width=120, margin=(12, 8), variant="determinate",
+            visible=session.param.progress.rx() > 0,
+        )  # fmt: skip
+        line = pn.pane.HTML(
+            pn.bind(words, session.param.message, session.param.failed, session.param.work),
+            margin=(5, 10),
+            styles={
+                "font-size": "13px",
+                "white-space": "nowrap",
+                "overflow": "hidden",
+                "text-overflow": "ellipsis",
+            },
+            sizing_mode="stretch_width",
+        )
+        return pn.Row(line, bar, cancel, sizing_mode="stretch_width", height=30, margin=0)
+
+    def _open_dialog(self):
+        dropper = pn.widgets.FileDropper(
+            multiple=True, chunk_size=5_000_000, max_file_size=f"{UPLOAD_LIMIT_MB}MB", height=120,
+            sizing_mode="stretch_width",
+        )  # fmt: skip
+
+        def opened(event):
+            for name, content in (event.new or {}).items():
+                try:
+                    self.session.open_file(name, content if isinstance(content, bytes) else content.encode())
+                    self._dialog.open = False
+                except Exception as error:
+                    self.session.report(error)
+            if event.new:
+                dropper.value = {}
+
+        dropper.param.watch(opened, "value")
+        words = pn.pane.Markdown(
+            f"Drop files here or choose them; at most {UPLOAD_LIMIT_MB} MB each. They stay on this machine.\n\n"
+            "Survey logs (SIO, WHOI), pings (`lat_deg, lon_deg, oneway_s`) or a profile (`depth_m, speed_mps`) as CSV, "
+            "T-files, array tables, session files."
+        )
+        return pmui.Dialog(words, dropper, title="Open", width_option="sm", show_close_button=True)
+
+    # -- actions -------------------------------------------------------------------------------
+
+    def _show(self, *events) -> None:
+        """Fills the tab in sight on its first showing, and pauses the one before."""
+        tab = self.tabs[self._tabs.active]
+        if self._shown is tab:
+            return
+        if self._shown is not None:
+            self._shown.deactivate()
+        self._shown = tab
+        place = self._tabs[self._tabs.active]
+        try:
+            tab.activate()
+            if not len(place):
+                place.append(tab.__panel__())
+        except Exception as error:
+            log.error("tab %s could not be drawn", tab.title, exc_info=error)
+            place[:] = [
+                pn.pane.Alert(f"{tab.title} cannot be drawn: {html.escape(str(error))}", alert_type="danger")
+            ]
+
+    def _open(self) -> None:
+        self._dialog.open = True
+
+    def _save(self) -> None:
+        self._keys.save(f"workbench-{date.today().isoformat()}.json", self.session.to_json())
+        self.session.say("Session saved to your downloads")
+
+    def _export(self) -> None:
+        exported = self.tabs[self._tabs.active].export()
+        if exported is None:
+            self.session.say("There is nothing to export in this tab yet")
+            return
+        self._keys.save(*exported)
+        self.session.say(f"{exported[0]} saved to your downloads")

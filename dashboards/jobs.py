@@ -1,0 +1,114 @@
+"""Long work off the event loop: one job a purpose at a time, the newest wins, any can be cancelled."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import panel as pn
+
+log = logging.getLogger("workbench")
+
+# Kernels let go of Python's lock, so two threads are enough for all sessions of two cores.
+POOL = ThreadPoolExecutor(max_workers=2, thread_name_prefix="work")
+
+
+class Cancelled(Exception):
+    """The analyst cancelled the job."""
+
+
+class Progress:
+    """What a job calls to tell how far it is: `progress(0.4, "set 12 of 30")`. Raises Cancelled."""
+
+    def __init__(self, tell: Callable[[float, str], None]):
+        self._tell = tell
+        self._cancelled = threading.Event()
+
+    def cancel(self) -> None:
+        """Makes the next call raise Cancelled."""
+        self._cancelled.set()
+
+    def __call__(self, share: float, text: str = "") -> None:
+        if self._cancelled.is_set():
+            raise Cancelled
+        self._tell(share, text)
+
+
+class Jobs:
+    """The jobs of one browser session.
+
+    `start(purpose, work, done)` runs `work(progress)` in a thread and then `done(result)` under the
+    document's lock. While a purpose is at work, only the newest further request for it is kept.
+    Without a served document (tests, notebooks without a server) everything runs at once, in line.
+    """
+
+    def __init__(self, on_state: Callable[[str, float, str], None], on_error: Callable[[Exception], None]):
+        self._on_state = on_state  # purpose ("" when idle), share done, text
+        self._on_error = on_error
+        self._running: dict[str, Progress] = {}
+        self._waiting: dict[str, tuple] = {}
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything is at work."""
+        return bool(self._running)
+
+    def cancel(self) -> None:
+        """Cancels what is at work and forgets what waits."""
+        self._waiting.clear()
+        for progress in self._running.values():
+            progress.cancel()
+
+    def start(self, purpose: str, work: Callable[[Progress], object], done: Callable[[object], None]) -> None:
+        """Runs some work for a purpose; see the class."""
+        document = pn.state.curdoc
+        if document is None or document.session_context is None:
+            self._in_line(purpose, work, done)
+        elif purpose in self._running:
+            self._waiting[purpose] = (work, done)
+        else:
+            self._in_thread(document, purpose, work, done)
+
+    def _in_line(self, purpose, work, done) -> None:
+        self._running[purpose] = Progress(lambda share, text: self._on_state(purpose, share, text))
+        try:
+            result = work(self._running[purpose])
+        except Cancelled:
+            return
+        except Exception as error:
+            self._on_error(error)
+            return
+        finally:
+            self._running.pop(purpose, None)
+            self._on_state("", 0.0, "")
+        done(result)
+
+    def _in_thread(self, document, purpose, work, done) -> None:
+        def tell(share: float, text: str) -> None:
+            document.add_next_tick_callback(partial(self._on_state, purpose, share, text))
+
+        progress = self._running[purpose] = Progress(tell)
+        future = POOL.submit(work, progress)
+
+        def finish() -> None:
+            self._running.pop(purpose, None)
+            if not self._running:
+                self._on_state("", 0.0, "")
+            error = future.exception()
+            if isinstance(error, Cancelled):
+                self._on_state("", 0.0, f"{purpose}: cancelled")
+            elif error is not None:
+                self._on_error(error)
+            else:
+                done(future.result())
+            if purpose in self._waiting:
+                self.start(purpose, *self._waiting.pop(purpose))
+
+        def ended(_future) -> None:
+            if document.session_context is not None:  # the page may be gone by now
+                document.add_next_tick_callback(finish)
+
+        future.add_done_callback(ended)

@@ -1,0 +1,94 @@
+"""Keyboard shortcuts, and files handed to the browser's downloads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import param
+from panel.custom import JSComponent
+
+
+class Keys(JSComponent):
+    """A component of no size that listens for keys and saves files.
+
+    Keys in `typing` work while a text field has the focus; all others are left to the field. Space
+    presses a focused button as everywhere.
+    """
+
+    combos = param.List(default=[])
+    typing = param.List(default=[])
+    file_name = param.String(default="")
+    file_text = param.String(default="")
+    saved = param.Integer(default=0, doc="raised by one for every file to save")
+
+    _esm = """
+export function render({model, el}) {
+  el.style.display = 'none';
+  const key = (e) => (e.ctrlKey || e.metaKey ? 'ctrl+' : '') + (e.altKey ? 'alt+' : '') +
+    (e.shiftKey ? 'shift+' : '') + (e.key === ' ' ? 'space' : e.key.toLowerCase());
+  const target = (e) => e.composedPath()[0];  // pierces shadow roots
+  const isText = (t) => t instanceof HTMLElement && (t.isContentEditable || t.tagName === 'TEXTAREA' ||
+    t.tagName === 'SELECT' || (t.tagName === 'INPUT' &&
+    !['checkbox', 'radio', 'range', 'button', 'submit', 'file', 'color'].includes(t.type)));
+  const isPress = (t) => t instanceof HTMLElement && (t.tagName === 'BUTTON' || t.tagName === 'A' ||
+    ['button', 'tab', 'menuitem'].includes(t.getAttribute('role')) || ['checkbox', 'radio'].includes(t.type));
+  const onKey = (e) => {
+    const k = key(e), t = target(e);
+    if (!model.combos.includes(k)) return;
+    if (isText(t) && !model.typing.includes(k)) return;
+    if (k === 'space' && isPress(t)) return;
+    e.preventDefault(); e.stopPropagation();
+    if (!e.repeat) model.send_msg(k);
+  };
+  document.addEventListener('keydown', onKey, true);
+  model.on('saved', () => {
+    const link = document.createElement('a');
+    link.href = URL.createObjectURL(new Blob([model.file_text], {type: 'text/plain;charset=utf-8'}));
+    link.download = model.file_name; link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  });
+  model.on('remove', () => document.removeEventListener('keydown', onKey, true));
+}
+"""
+
+    def __init__(self, actions: dict[str, Callable[[], None]], typing=(), **params):
+        self._actions = dict(actions)
+        super().__init__(
+            combos=list(self._actions), typing=list(typing), width=0, height=0, margin=0, **params
+        )
+
+    def _handle_msg(self, msg):
+        if msg in self._actions:
+            self._actions[msg]()
+
+    def save(self, name: str, text: str) -> None:
+        """Hands a text file to the browser's downloads."""
+        self.param.update(file_name=name, file_text=text)
+        self.saved += 1
+
+
+class Copy(JSComponent):
+    """A small button that copies its text, also where the page is not on localhost."""
+
+    text = param.String(default="")
+    label = param.String(default="Copy")
+
+    _esm = """
+export function render({model}) {
+  const button = document.createElement('button');
+  const show = () => { button.textContent = model.label; button.title = 'Copy ' + model.text;
+                       button.setAttribute('aria-label', 'Copy ' + model.text); };
+  button.style.cssText = 'font: inherit; font-size: 12px; padding: 1px 6px; cursor: pointer; border-radius: 4px;' +
+    'border: 1px solid currentColor; background: transparent; color: inherit; opacity: 0.8';
+  const old_way = (s) => { const t = document.createElement('textarea'); t.value = s;
+    t.style.position = 'fixed'; t.style.opacity = 0; document.body.appendChild(t); t.select();
+    const ok = document.execCommand('copy'); t.remove(); return ok; };
+  button.onclick = async () => {
+    let ok = true;
+    try { await navigator.clipboard.writeText(model.text); } catch (e) { ok = old_way(model.text); }
+    button.textContent = ok ? 'Copied' : 'Not copied'; setTimeout(show, 1200);
+  };
+  model.on('text', show); show();
+  return button;
+}
+"""

@@ -1,0 +1,1 @@
+"""Results in, Bokeh figures out: one class a picture, updated by replacing the columns that changed."""

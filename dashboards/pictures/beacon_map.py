@@ -1,0 +1,247 @@
+"""The map of a beacon hunt and the strips below it, over one shared source of pings."""
+
+from __future__ import annotations
+
+import numpy as np
+from bokeh.models import BoxSelectTool, ColorBar, ColumnDataSource, HoverTool, LinearColorMapper, Span
+from bokeh.plotting import figure
+
+from dashboards.palette import DIVERGING, ESTIMATE, REJECTED, SHIP, TRUTH
+from dashboards.pictures.mercator import map_figure, mercator, show_box
+from trackerlib.beacon.fix import BeaconFix
+from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.uncertainty import Ellipse
+
+LEGEND = {
+    "location": "top_left",
+    "click_policy": "hide",
+    "label_text_font_size": "11px",
+    "spacing": 0,
+    "padding": 4,
+    "glyph_height": 14,
+    "background_fill_alpha": 0.7,
+}
+
+
+def style_legend(fig) -> None:
+    """A small legend inside the picture; a click hides what it names."""
+    for name, value in LEGEND.items():
+        setattr(fig.legend, name, value)
+
+
+class BeaconMap:
+    """Map, residuals and history of one hunt; `show` replaces only what changed."""
+
+    def __init__(self, tile_address: str = ""):
+        empty = {name: [] for name in ("number", "x", "y", "residual_ms", "used", "utc", "kind")}
+        self.pings = ColumnDataSource(empty, name="pings")
+        self.track = ColumnDataSource({"x": [], "y": []})
+        self.ship = ColumnDataSource({"x": [], "y": [], "angle": []})
+        self.fix = ColumnDataSource({"x": [], "y": [], "fill": [], "label": []}, name="fix")
+        self.ellipse = ColumnDataSource({"x": [], "y": []}, name="ellipse")
+        self.hollow_ellipse = ColumnDataSource({"x": [], "y": []})
+        self.alternatives = ColumnDataSource({"x": [], "y": [], "label": []}, name="alternatives")
+        self.truth = ColumnDataSource({"x": [], "y": []}, name="truth")
+        self.history = ColumnDataSource(
+            {name: [] for name in ("number", "depth", "low", "high", "major")}, name="history"
+        )
+        self.colour = LinearColorMapper(DIVERGING, low=-1, high=1, nan_color=REJECTED)
+        self.map, self.home = self._map(tile_address)
+        self.residuals = self._residuals()
+        self.depths = self._history()
+
+    # -- figures -------------------------------------------------------------------------------
+
+    def _map(self, tile_address):
+        fig, home = map_figure("beacon map", tile_address)
+        fig.line("x", "y", source=self.track, color=SHIP, line_width=1, legend_label="ship")
+        ink = {"field": "residual_ms", "transform": self.colour}
+        points = fig.scatter(
+            "x", "y", source=self.pings, size=6, color=ink, line_color=None, marker="kind", name="pings",
+            nonselection_fill_alpha=0.15, nonselection_line_alpha=0.15, legend_label="ping",
+        )  # fmt: skip
+        fig.add_tools(
+            HoverTool(
+                renderers=[points],
+                tooltips=[
+                    ("ping", "@number"),
+                    ("residual", "@residual_ms{0.00} ms"),
+                    ("UTC", "@utc"),
+                    ("", "@used"),
+                ],
+            )
+        )
+        fig.scatter("x", "y", source=self.ship, marker="triangle", angle="angle", size=13, color=SHIP)
+        fig.patch("x", "y", source=self.ellipse, fill_color=ESTIMATE, fill_alpha=0.15, line_color=ESTIMATE)
+        fig.line("x", "y", source=self.hollow_ellipse, line_color=ESTIMATE, line_dash="dashed")
+        fig.scatter(
+            "x", "y", source=self.fix, size=12, line_color=ESTIMATE, line_width=2, fill_color=ESTIMATE, fill_alpha="fill",
+            legend_label="fix, 95 % ellipse", name="fix",
+        )  # fmt: skip
+        fig.scatter(
+            "x", "y", source=self.alternatives, size=12, line_color=ESTIMATE, line_width=2, fill_alpha=0,
+            legend_label="fits as well",
+        )  # fmt: skip
+        fig.text(
+            "x",
+            "y",
+            text="label",
+            source=self.alternatives,
+            x_offset=9,
+            text_font_size="11px",
+            text_color=ESTIMATE,
+        )
+        self._truth_mark = fig.scatter(
+            "x",
+            "y",
+            source=self.truth,
+            marker="diamond",
+            size=14,
+            color=TRUTH,
+            legend_label="truth (simulated)",
+        )
+        bar = ColorBar(
+            color_mapper=self.colour, title="ms", width=8, padding=4, major_label_text_font_size="10px"
+        )
+        fig.add_layout(bar, "right")
+        style_legend(fig)
+        return fig, home
+
+    def _residuals(self):
+        fig = figure(
+            name="residuals", sizing_mode="stretch_both", tools="xpan,xwheel_zoom,box_select,tap,reset,save",
+            active_scroll="xwheel_zoom", x_axis_label="ping", y_axis_label="residual (ms)",
+        )  # fmt: skip
+        ink = {"field": "residual_ms", "transform": self.colour}
+        points = fig.scatter(
+            "number", "residual_ms", source=self.pings, size=5, color=ink, line_color=None, marker="kind",
+            nonselection_fill_alpha=0.15,
+        )  # fmt: skip
+        fig.add_layout(Span(location=0, dimension="width", line_color=SHIP, line_width=1))
+        fig.add_tools(
+            HoverTool(
+                renderers=[points], tooltips=[("ping", "@number"), ("residual", "@residual_ms{0.00} ms")]
+            )
+        )
+        return fig
+
+    def _history(self):
+        fig = figure(
+            name="history", sizing_mode="stretch_both", tools="xpan,xwheel_zoom,reset,save", active_scroll="xwheel_zoom",
+            x_axis_label="ping", y_axis_label="depth (m), 95 % band",
+        )  # fmt: skip
+        fig.y_range.flipped = True
+        fig.varea("number", "low", "high", source=self.history, fill_color=ESTIMATE, fill_alpha=0.2)
+        line = fig.line("number", "depth", source=self.history, line_color=ESTIMATE, line_width=2)
+        fig.add_tools(
+            HoverTool(
+                renderers=[line],
+                mode="vline",
+                tooltips=[("ping", "@number"), ("depth", "@depth{0.0} m"), ("ellipse", "@major{0.0} m")],
+            )
+        )
+        return fig
+
+    # -- data ----------------------------------------------------------------------------------
+
+    def show_survey(self, pings: Pings, truth: dict | None) -> None:
+        """Starts a new survey: the whole track as home box, the truth where it is known."""
+        x, y = mercator(pings.lat_deg, pings.lon_deg)
+        show_box(self.home, x, y)
+        self.truth.data = {"x": [], "y": []}
+        if truth is not None:
+            tx, ty = mercator(truth["lat_deg"], truth["lon_deg"])
+            self.truth.data = {"x": [float(tx)], "y": [float(ty)]}
+        self._truth_mark.visible = truth is not None
+        self.history.data = {name: [] for name in self.history.data}
+
+    def show_fix(self, pings: Pings, fix: BeaconFix) -> None:
+        """The pings heard so far, coloured by what this fix leaves of them, and the fix itself."""
+        count = min(len(pings), len(fix.number))
+        x, y = mercator(pings.lat_deg[:count], pings.lon_deg[:count])
+        self.track.data = {"x": x, "y": y}
+        self.ship.data = _ship_now(x, y)
+        residual = np.full(count, np.nan) if fix.residual_s is None else 1e3 * fix.residual_s[:count]
+        used = fix.used[:count]
+        limit = max(3 * np.nanstd(residual[used]) if used.any() and fix.residual_s is not None else 1.0, 0.1)
+        self.colour.update(low=-float(limit), high=float(limit))
+        self.pings.data = {
+            "number": fix.number[:count].astype(np.int32),
+            "x": x,
+            "y": y,
+            "residual_ms": np.where(used, residual, np.clip(residual, -4 * limit, 4 * limit)).astype("f4"),
+            "used": np.where(used, "used", "left out"),
+            "utc": np.where(np.isnat(pings.utc[:count]), "", pings.utc[:count].astype(str)),
+            "kind": np.where(used, "circle", "x"),
+        }
+        self._show_place(fix)
+
+    def _show_place(self, fix: BeaconFix) -> None:
+        full, hollow = {"x": [], "y": []}, {"x": [], "y": []}
+        place = {"x": [], "y": [], "fill": [], "label": []}
+        if fix.position is not None:
+            px, py = mercator(fix.lat_deg, fix.lon_deg)
+            place = {
+                "x": [float(px)],
+                "y": [float(py)],
+                "fill": [1.0 if fix.converged else 0.0],
+                "label": [""],
+            }
+            if fix.uncertainty is not None and fix.ellipse.semi_major_m < 50_000:
+                ring = ellipse_ring(fix, fix.ellipse)
+                full, hollow = (ring, hollow) if fix.converged else (full, ring)
+        self.fix.data, self.ellipse.data, self.hollow_ellipse.data = place, full, hollow
+        ax, ay = mercator([a.lat_deg for a in fix.alternatives], [a.lon_deg for a in fix.alternatives])
+        self.alternatives.data = {
+            "x": ax,
+            "y": ay,
+            "label": [f"also fits: {a.depth_m:.0f} m deep" for a in fix.alternatives],
+        }
+
+    def add_history(self, fix: BeaconFix) -> None:
+        """One more fix at the end of the history, if it is believed."""
+        if not fix.converged or not len(fix.number):
+            return
+        self.history.stream(history_row(fix), rollover=5000)
+
+    def set_history(self, fixes: list[BeaconFix]) -> None:
+        """The whole history at once."""
+        rows = [history_row(fix) for fix in fixes if fix.converged]
+        self.history.data = {name: [row[name][0] for row in rows] for name in self.history.data}
+
+    def select_tool(self):
+        """The map's box selection, for tests."""
+        return self.map.select_one(BoxSelectTool)
+
+
+def history_row(fix: BeaconFix) -> dict:
+    """Depth with its 95 % band and the ellipse's half axis after the last ping of a fix."""
+    half = 1.96 * float(fix.sigma[2])
+    return {
+        "number": [int(fix.number[-1])],
+        "depth": [fix.depth_m],
+        "low": [fix.depth_m - half],
+        "high": [fix.depth_m + half],
+        "major": [fix.ellipse.semi_major_m],
+    }
+
+
+def ellipse_ring(fix: BeaconFix, shape: Ellipse, points: int = 73) -> dict:
+    """Mercator outline of an ellipse about a fix."""
+    angle = np.linspace(0, 2 * np.pi, points)
+    bearing = np.radians(shape.bearing_deg)
+    along, across = shape.semi_major_m * np.cos(angle), shape.semi_minor_m * np.sin(angle)
+    east = fix.position[0] + along * np.sin(bearing) + across * np.cos(bearing)
+    north = fix.position[1] + along * np.cos(bearing) - across * np.sin(bearing)
+    lat, lon, _ = fix.frame.to_geodetic(np.column_stack([east, north, np.full(points, fix.position[2])]))
+    x, y = mercator(lat, lon)
+    return {"x": x, "y": y}
+
+
+def _ship_now(x: np.ndarray, y: np.ndarray) -> dict:
+    """The ship at its last ping, a triangle along its course over the pings before."""
+    if not len(x):
+        return {"x": [], "y": [], "angle": []}
+    back = max(len(x) - 8, 0)
+    course = np.arctan2(y[-1] - y[back], x[-1] - x[back]) - np.pi / 2
+    return {"x": x[-1:], "y": y[-1:], "angle": [float(course)]}

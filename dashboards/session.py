@@ -1,0 +1,320 @@
+"""What the tabs of one browser page share. Two pages never share a Session."""
+
+from __future__ import annotations
+
+import json
+import logging
+from dataclasses import fields, replace
+from pathlib import Path
+
+import param
+
+from dashboards.jobs import Jobs
+from trackerlib import __version__
+from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.beacon.fix import BeaconFix, fix_beacon
+from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.settings import FixSettings
+from trackerlib.crossover.gating import GatingResult, gate_reports
+from trackerlib.crossover.pairs import CrossoverSet
+from trackerlib.crossover.survey import ArraySurvey
+from trackerlib.rangefiles.arrays import parse_arrays
+from trackerlib.rangefiles.tfile import TFileReading, parse_tfile
+from trackerlib.surveyfiles.profile_csv import parse_profile_csv
+from trackerlib.surveyfiles.survey import parse_survey
+from trackerlib.textfiles import InputError, decode_lines, read_bytes
+
+log = logging.getLogger("workbench")
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+UPLOAD_LIMIT_MB = 200
+SPEEDS = (1, 5, 20, 100, 1000)
+MODE_NAMES = {2: "ship", 7: "torpedo"}
+
+
+class Session(param.Parameterized):
+    """State that tabs read, watch and write back; every value is one of trackerlib's frozen types."""
+
+    # The range
+    tfile = param.ClassSelector(class_=TFileReading, allow_None=True)
+    survey = param.ClassSelector(class_=ArraySurvey, allow_None=True)
+    profile = param.ClassSelector(class_=SoundSpeedProfile, allow_None=True, doc="of the range, feet")
+    mode = param.Integer(default=7, doc="which vehicle's reports are gated")
+    max_slant_range_ft = param.Number(default=4700.0, bounds=(100, 100_000))
+    gap_counts = param.Integer(default=30, bounds=(1, 100_000))
+    gating = param.ClassSelector(class_=GatingResult, allow_None=True)
+    crossover = param.ClassSelector(class_=CrossoverSet, allow_None=True, doc="the set chosen in any tab")
+    correction = param.Parameter(default=None, doc="timing correction of that set")
+
+    # The beacon hunt
+    pings = param.ClassSelector(class_=Pings, allow_None=True)
+    fix_settings = param.ClassSelector(class_=FixSettings, default=FixSettings())
+    fix = param.ClassSelector(class_=BeaconFix, allow_None=True, doc="of the pings heard so far")
+    truth = param.Dict(default=None, allow_None=True, doc="known or published place of the beacon, if any")
+
+    # Replay of a survey: how many pings have been heard
+    heard = param.Integer(default=0, bounds=(0, None))
+    playing = param.Boolean(default=False)
+    speed = param.Selector(default=100, objects=list(SPEEDS), doc="times real time")
+
+    # The page
+    message = param.String(default="")
+    failed = param.Boolean(default=False, doc="the message tells of an error")
+    work = param.String(default="", doc="what is running, empty when idle")
+    progress = param.Number(default=0.0, bounds=(0, 1))
+
+    def __init__(self, **params):
+        super().__init__(**params)
+        self.jobs = Jobs(self._job_state, self.report)
+        self._past: list[dict] = []
+        self._future: list[dict] = []
+        self._clock = 0.0  # seconds of survey time since its first ping
+
+    # -- messages ------------------------------------------------------------------------------
+
+    def say(self, text: str) -> None:
+        """Shows a sentence in the status line."""
+        self.param.update(message=text, failed=False)
+
+    def report(self, error: Exception) -> None:
+        """Shows an error in words; what is no mistake of the user's is logged with its traceback."""
+        if isinstance(error, InputError):
+            log.warning("%s", error)
+            words = str(error)
+        else:
+            log.error("unexpected", exc_info=error)
+            words = f"Something went wrong that is not your doing: {type(error).__name__}: {error}"
+        self.param.update(message=words, failed=True)
+
+    def _job_state(self, purpose: str, share: float, text: str) -> None:
+        self.param.update(work=f"{purpose} {text}".strip() if purpose else "", progress=min(max(share, 0), 1))
+        if text and not purpose:
+            self.say(text)
+
+    # -- edits ---------------------------------------------------------------------------------
+
+    def edit(self, **changes) -> None:
+        """Changes parameters so that Undo takes it back."""
+        before = {name: getattr(self, name) for name in changes}
+        self._past.append({"before": before, "after": changes})
+        self._future.clear()
+        self.param.update(**changes)
+
+    def undo(self) -> None:
+        """Takes back the last edit."""
+        if not self._past:
+            self.say("Nothing to undo")
+            return
+        self._future.append(self._past.pop())
+        self.param.update(**self._future[-1]["before"])
+
+    def redo(self) -> None:
+        """Makes the last edit taken back again."""
+        if not self._future:
+            self.say("Nothing to redo")
+            return
+        self._past.append(self._future.pop())
+        self.param.update(**self._past[-1]["after"])
+
+    # -- opening -------------------------------------------------------------------------------
+
+    def open_file(self, name: str, content: bytes) -> None:
+        """Opens an upload of any kind the tabs know; raises InputError for what none of them reads."""
+        if len(content) > UPLOAD_LIMIT_MB * 1_000_000:
+            raise InputError(
+                f"{name}: found {len(content) / 1e6:.0f} MB; wanted at most {UPLOAD_LIMIT_MB} MB "
+                "(larger files: python -m trackerlib reads them from disk)"
+            )
+        openers = {
+            "session": self._open_session,
+            "survey": self._open_survey,
+            "profile": self._open_profile,
+            "arrays": self._open_arrays,
+            "tfile": self._open_tfile,
+        }
+        openers[kind_of(decode_lines(content, name))](content, name)
+
+    def open_beacon_demo(self) -> None:
+        """Opens the simulated beacon survey that comes with the program."""
+        folder = DATA / "beacon-demo"
+        for name in ("soundspeed.csv", "survey.csv"):
+            self.open_file(name, read_bytes(folder / name))
+        self.truth = json.loads((folder / "truth.json").read_text())
+
+    def open_range_demo(self) -> None:
+        """Opens the simulated range run that comes with the program."""
+        folder = DATA / "range-demo"
+        for name in ("arrays.csv", "tfile.dat"):
+            self.open_file(name, read_bytes(folder / name))
+
+    def _open_survey(self, content, name) -> None:
+        reading = parse_survey(
+            decode_lines(content, name), name, hydrophone_depth_m=self.fix_settings.hydrophone_depth_m
+        )
+        settings = replace(self.fix_settings, left_out=frozenset(), start=None)
+        self._past.clear()
+        self._future.clear()
+        self.param.update(
+            playing=False,
+            truth=None,
+            fix=None,
+            fix_settings=settings,
+            pings=reading.pings,
+            heard=len(reading.pings),
+        )
+        self._told(name, f"{len(reading.pings)} pings ({reading.layout})", reading.bad_records, reading.notes)
+
+    def _open_profile(self, content, name) -> None:
+        self.fix_settings = replace(
+            self.fix_settings, profile=parse_profile_csv(decode_lines(content, name), name)
+        )
+        self._told(name, "sound-speed profile of the beacon hunt", (), ())
+
+    def _open_arrays(self, content, name) -> None:
+        reading = parse_arrays(content, name)
+        self.survey = reading.survey
+        self._told(name, f"{len(reading.survey.number)} arrays", reading.bad_records, reading.notes)
+        self.gate()
+
+    def _open_tfile(self, content, name) -> None:
+        tfile = parse_tfile(content, name)
+        self.param.update(tfile=tfile, profile=tfile.profile() or self.profile)
+        self._told(name, f"{len(tfile.reports)} position reports", tfile.reports.bad_records, tfile.warnings)
+        self.gate()
+
+    def _told(self, name, what, bad_records, notes) -> None:
+        parts = [f"{name}: {what}"]
+        if bad_records:
+            first = bad_records[0]
+            parts.append(f"{len(bad_records)} bad lines, the first is line {first.line}: {first.why}")
+        self.say("; ".join([*parts, *notes]))
+
+    def gate(self) -> None:
+        """Gates the reports of the chosen vehicle and keeps the chosen set if it is still there."""
+        if self.tfile is None or self.survey is None:
+            return
+        result = gate_reports(
+            self.tfile.reports,
+            self.survey,
+            self.mode,
+            self.max_slant_range_ft,
+            self.gap_counts,
+            self.tfile.run_date,
+        )
+        chosen = None
+        if self.crossover is not None:
+            same = [
+                s
+                for s in result.sets
+                if s.pair == self.crossover.pair and s.pass_number == self.crossover.pass_number
+            ]
+            chosen = same[0] if same else None
+        if chosen is None and result.sets:
+            chosen = max(result.sets, key=lambda one: one.points)
+        self.param.update(gating=result, correction=None, crossover=chosen)
+
+    # -- the fix and its replay ----------------------------------------------------------------
+
+    @property
+    def simulated(self) -> bool:
+        """Whether anything shown is simulated."""
+        return bool(
+            (self.pings is not None and self.pings.simulated)
+            or (self.tfile is not None and self.tfile.simulated)
+        )
+
+    @param.depends("pings", "fix_settings", "heard", watch=True)
+    def compute_fix(self) -> None:
+        """Fixes the beacon from the pings heard so far, off the event loop, newest request first."""
+        if self.pings is None:
+            return
+        heard, settings = self.pings.only(slice(0, self.heard)), self.fix_settings
+
+        def done(fix):
+            self.fix = fix
+
+        self.jobs.start("fix", lambda progress: fix_beacon(heard, settings), done)
+
+    def play(self) -> None:
+        """Starts the replay, from the beginning if it stands at the end; pauses it if it runs."""
+        if self.pings is None:
+            return
+        if not self.playing and self.heard >= len(self.pings):
+            self.heard = 0
+        self._clock = float(self.pings.elapsed_s[max(self.heard - 1, 0)]) if self.heard else 0.0
+        self.playing = not self.playing
+
+    def tick(self, seconds: float) -> None:
+        """Lets the replay go on by some seconds of real time."""
+        if not self.playing or self.pings is None:
+            return
+        self._clock += seconds * self.speed
+        self.heard = int(self.pings.elapsed_s.searchsorted(self._clock, side="right"))
+        if self.heard >= len(self.pings):
+            self.playing = False
+
+    # -- saving --------------------------------------------------------------------------------
+
+    SAVED = ("mode", "max_slant_range_ft", "gap_counts", "speed")
+
+    def to_json(self) -> str:
+        """Settings, choices and the names of the inputs as a session file."""
+        settings = {
+            field.name: getattr(self.fix_settings, field.name)
+            for field in fields(self.fix_settings)
+            if field.name not in ("profile", "left_out")
+        }
+        document = {
+            "workbench_session": 1,
+            "version": __version__,
+            "simulated": self.simulated,
+            "inputs": {
+                "pings": self.pings.source if self.pings is not None else None,
+                "tfile": self.tfile.reports.source if self.tfile is not None else None,
+            },
+            **{name: getattr(self, name) for name in self.SAVED},
+            "fix_settings": settings,
+            "left_out": sorted(self.fix_settings.left_out),
+            "chosen_set": None
+            if self.crossover is None
+            else [*self.crossover.pair, self.crossover.pass_number],
+        }
+        return json.dumps(document, indent=1)
+
+    def _open_session(self, content, name) -> None:
+        """Puts settings of a session file over the data that are open."""
+        try:
+            document = json.loads("\n".join(decode_lines(content, name)))
+            kept = {key: document[key] for key in self.SAVED if key in document}
+            told = document.get("fix_settings", {})
+            told["start"] = tuple(told["start"]) if told.get("start") else None
+            left_out = frozenset(int(number) for number in document.get("left_out", []))
+            settings = replace(self.fix_settings, **told, left_out=left_out)
+            with param.parameterized.discard_events(self):
+                self.param.update(**kept)
+        except (ValueError, TypeError, KeyError) as error:
+            raise InputError(f"{name}: not a session file of this program ({error})") from None
+        self.fix_settings = settings
+        self.gate()
+        chosen = document.get("chosen_set")
+        if chosen and self.gating is not None:
+            for one in self.gating.sets:
+                if [*one.pair, one.pass_number] == chosen:
+                    self.crossover = one
+        self.say(f"{name}: settings restored; the data files themselves are opened on their own")
+
+
+def kind_of(lines: list[str]) -> str:
+    """Which kind of file these lines are: "survey", "profile", "arrays", "tfile" or "session"."""
+    head = "\n".join(lines[:40]).lower()
+    if "workbench_session" in head:
+        return "session"
+    if "speed_mps" in head:
+        return "profile"
+    if "oneway_s" in head or "msec." in head or "gps time" in head:
+        return "survey"
+    if any(len(line) >= 68 and line[67:68].isdigit() and line[:5].strip().isdigit() for line in lines[:400]):
+        return "tfile"
+    if "array" in head or all(len(line.replace(",", " ").split()) in (4, 5) for line in lines[:3]):
+        return "arrays"
+    return "survey"

@@ -1,0 +1,344 @@
+"""Tab "Beacon fix": a survey replayed on a map, the fix with its ellipse, and how sure it is."""
+
+from __future__ import annotations
+
+import html
+import json
+from dataclasses import fields, replace
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.guard import tile_address
+from dashboards.keys import Copy
+from dashboards.pictures.beacon_map import BeaconMap
+from dashboards.session import SPEEDS
+from dashboards.tabs.tab import Tab, alone, heading, number
+from trackerlib.beacon.fix import BeaconFix, fix_history
+from trackerlib.beacon.settings import FixSettings
+from trackerlib.commands.fix import document
+from trackerlib.frames import degrees_minutes, utm
+from trackerlib.rounding import value_with_sigma
+from trackerlib.textfiles import InputError
+
+HISTORY_FIXES = 60  # fixes that "Fix history" spreads over the survey
+
+
+class BeaconTab(Tab):
+    """Map, residuals and history of a beacon hunt."""
+
+    title = "Beacon fix"
+    watches = ("pings", "fix", "fix_settings", "truth", "heard", "playing")
+
+    def __init__(self, session=None, **params):
+        super().__init__(session, **params)
+        self.map = BeaconMap(tile_address())
+        self._shown_pings = None
+        self._quiet = False
+        self.sentence = pn.pane.HTML(
+            sizing_mode="stretch_width", margin=(6, 10), styles={"font-size": "14px"}
+        )
+        self.numbers = pn.pane.HTML(sizing_mode="stretch_width", margin=(0, 10), styles={"font-size": "13px"})
+        self.copies = {
+            name: Copy(label=f"Copy {name}", margin=(2, 4))
+            for name in ("degrees", "minutes", "UTM", "everything")
+        }
+        self._make_controls()
+
+    # -- controls ------------------------------------------------------------------------------
+
+    def _make_controls(self) -> None:
+        session, settings = self.session, self.session.fix_settings
+        self.play = pmui.Button(label="Play", icon="play_arrow", size="small", margin=(6, 4, 2, 8))
+        self.at_once = pmui.Button(label="At once", size="small", variant="outlined", margin=(6, 4, 2, 4))
+        self.play.on_click(lambda event: session.play())
+        self.at_once.on_click(lambda event: self._to_the_end())
+        self.speed = pmui.Select.from_param(
+            session.param.speed, label="Speed", options={f"x{speed}": speed for speed in SPEEDS}, size="small",
+            sizing_mode="stretch_width", margin=(5, 8),
+        )  # fmt: skip
+        self.heard = pmui.IntSlider(
+            label="Pings heard",
+            value=0,
+            start=0,
+            end=1,
+            size="small",
+            sizing_mode="stretch_width",
+            margin=(0, 14),
+        )
+        self.heard._debounce = 10
+        self.heard.param.watch(lambda event: self._hear(event.new), "value")
+        self.sound_speed = number(
+            "Sound speed (m/s)",
+            settings.sound_speed_mps,
+            "Mean speed of sound, 1500 unless told; not used with a profile",
+        )
+        self.speed_sigma = number(
+            "Its sigma (m/s)", settings.speed_sigma_mps, "Standard error of the mean speed: 2 m/s, or 0.5 with a profile",
+            step=0.1, start=0.0,
+        )  # fmt: skip
+        self.use_profile = pmui.Checkbox(
+            label="Rays through the profile", value=settings.profile is not None, margin=(0, 8)
+        )
+        self.gps = pmui.FloatInput(
+            label="Ship position rms (m)", value=settings.gps_rms_m, size="small", sizing_mode="stretch_width",
+            margin=(5, 8), start=0.0, step=0.5, placeholder="not known",
+            description="Each of east and north, independent from ping to ping; empty: not known, slow errors allowed for",
+        )  # fmt: skip
+        self.reject = pmui.Checkbox(
+            label="Leave out false returns", value=settings.reject == "auto", margin=(0, 8)
+        )
+        self.max_range = number(
+            "Greatest range (m)", settings.max_range_m, "Search region, from the ship's mean position"
+        )
+        self.max_depth = number(
+            "Greatest depth (m)", settings.max_depth_m, "Search region, below the sea surface"
+        )
+        self.hydrophone = number(
+            "Hydrophone depth (m)",
+            settings.hydrophone_depth_m,
+            "For surveys that do not say; used when a file is opened",
+        )
+        self.sample = pmui.FloatInput(
+            label="Step of times (ms)", value=settings.sample_interval_ms, size="small", sizing_mode="stretch_width",
+            margin=(5, 8), start=0.0, placeholder="found in the file",
+            description="Step in which one-way times were logged; empty: found in the file",
+        )  # fmt: skip
+        self.emission = pmui.Checkbox(
+            label="Emission time known", value=settings.emission_known, margin=(0, 8)
+        )
+        self.leave_out = pmui.Button(
+            label="Leave out selected pings", size="small", variant="outlined", margin=(6, 8)
+        )
+        self.leave_out.on_click(lambda event: self._leave_out())
+        self.restore = pmui.Button(label="Restore all", size="small", variant="outlined", margin=(2, 8))
+        self.restore.on_click(lambda event: self._set(left_out=frozenset()))
+        self.history_button = pmui.Button(
+            label="Fix history", size="small", variant="outlined", margin=(6, 8)
+        )
+        self.history_button.on_click(lambda event: self._compute_history())
+        self.defaults = pmui.Button(label="Defaults", size="small", variant="text", margin=(2, 8))
+        self.defaults.on_click(lambda event: self._restore_defaults())
+        self._setting_widgets = {
+            "sound_speed_mps": self.sound_speed,
+            "sound_speed_sigma_mps": self.speed_sigma,
+            "gps_rms_m": self.gps,
+            "max_range_m": self.max_range,
+            "max_depth_m": self.max_depth,
+            "hydrophone_depth_m": self.hydrophone,
+            "sample_interval_ms": self.sample,
+            "emission_known": self.emission,
+        }
+        for name, widget in self._setting_widgets.items():
+            widget.param.watch(lambda event, name=name: self._set(**{name: event.new}), "value")
+        self.reject.param.watch(lambda event: self._set(reject="auto" if event.new else "none"), "value")
+        self._profile = settings.profile
+        self.use_profile.param.watch(
+            lambda event: self._set(profile=self._profile if event.new else None), "value"
+        )
+
+    def controls(self):
+        return [
+            pn.Row(self.play, self.at_once, margin=0),
+            self.heard,
+            self.speed,
+            self.sound_speed,
+            self.use_profile,
+            self.gps,
+            self.reject,
+            self.history_button,
+        ]
+
+    def more(self):
+        return [
+            self.speed_sigma,
+            self.max_range,
+            self.max_depth,
+            self.hydrophone,
+            self.sample,
+            self.emission,
+            heading("Edits"),
+            self.leave_out,
+            self.restore,
+            self.defaults,
+        ]
+
+    # -- picture and answer --------------------------------------------------------------------
+
+    def picture(self):
+        return pn.pane.Bokeh(self.map.map, sizing_mode="stretch_both", margin=0)
+
+    def strips(self):
+        return [
+            pn.pane.Bokeh(figure, sizing_mode="stretch_both", margin=0)
+            for figure in (self.map.residuals, self.map.depths)
+        ]
+
+    def answer(self):
+        return pn.Column(
+            self.sentence, self.numbers, pn.FlexBox(*self.copies.values(), margin=(4, 8)), margin=0
+        )
+
+    def refresh(self, changed):
+        session = self.session
+        if session.pings is None:
+            self.sentence.object = "<b>No survey is open.</b> File, Open… reads a survey log or pings as CSV."
+            return
+        if session.pings is not self._shown_pings or "truth" in changed:
+            self._shown_pings = session.pings
+            self.map.show_survey(session.pings, session.truth)
+        self._show_controls()
+        if session.fix is not None and changed & {"fix", "pings"}:
+            self.map.show_fix(session.pings, session.fix)
+            self.map.add_history(session.fix)
+            self._show_answer(session.fix)
+
+    def _show_controls(self) -> None:
+        session, settings = self.session, self.session.fix_settings
+        self._quiet = True
+        try:
+            self.heard.param.update(end=max(len(session.pings), 1), value=session.heard)
+            self.play.param.update(
+                label="Pause" if session.playing else "Play",
+                icon="pause" if session.playing else "play_arrow",
+            )
+            for name, widget in self._setting_widgets.items():
+                value = (
+                    settings.speed_sigma_mps if name == "sound_speed_sigma_mps" else getattr(settings, name)
+                )
+                widget.value = value
+            self._profile = settings.profile or self._profile
+            self.use_profile.param.update(value=settings.profile is not None, disabled=self._profile is None)
+            self.sound_speed.disabled = settings.profile is not None
+            self.reject.value = settings.reject == "auto"
+        finally:
+            self._quiet = False
+
+    def _show_answer(self, fix: BeaconFix) -> None:
+        self.sentence.object = sentence(fix)
+        self.numbers.object = table(fix)
+        texts = position_texts(fix)
+        for name, copy in self.copies.items():
+            copy.text = texts.get(name, "")
+            copy.visible = bool(texts)
+
+    # -- what the analyst does -----------------------------------------------------------------
+
+    def _set(self, **changes) -> None:
+        if self._quiet:
+            return
+        try:
+            self.session.edit(fix_settings=replace(self.session.fix_settings, **changes))
+        except (TypeError, ValueError) as error:
+            self.session.report(InputError(str(error)))
+            self._show_controls()
+
+    def _restore_defaults(self) -> None:
+        kept = {"profile": self._profile, "left_out": self.session.fix_settings.left_out}
+        self._set(**({field.name: field.default for field in fields(FixSettings)} | kept))
+
+    def _hear(self, count: int) -> None:
+        if not self._quiet:
+            self.session.param.update(playing=False, heard=count)
+
+    def _to_the_end(self) -> None:
+        if self.session.pings is not None:
+            self.session.param.update(playing=False, heard=len(self.session.pings))
+
+    def _leave_out(self) -> None:
+        chosen = self.map.pings.selected.indices
+        if not chosen:
+            self.session.say("Choose pings on the map or among the residuals first (box select or click)")
+            return
+        numbers = {int(self.map.pings.data["number"][k]) for k in chosen}
+        self.map.pings.selected.indices = []
+        self._set(left_out=self.session.fix_settings.left_out | numbers)
+        self.session.say(f"{len(numbers)} pings left out by hand; Undo brings them back")
+
+    def _compute_history(self) -> None:
+        pings, settings = self.session.pings, self.session.fix_settings
+        if pings is None:
+            return
+        step = max(len(pings) // HISTORY_FIXES, 1)
+
+        def work(progress):
+            fixes = []
+            for count, fix in fix_history(pings, settings, first=step, step=step):
+                fixes.append(fix)
+                progress(count / len(pings), f"ping {count} of {len(pings)}")
+            return fixes
+
+        self.session.jobs.start("Fix history", work, self.map.set_history)
+
+    def export(self):
+        fix = self.session.fix
+        if fix is None:
+            return None
+        answer = {"survey": self.session.pings.source, **document(fix)}
+        return "beacon-fix.json", json.dumps(answer, indent=1)
+
+
+def sentence(fix: BeaconFix) -> str:
+    """The answer as a person would read it aloud, as HTML."""
+    if fix.converged:
+        shape = fix.ellipse
+        return (
+            f"<b>The beacon lies at {html.escape(degrees_minutes(fix.lat_deg, 'NS'))}, "
+            f"{html.escape(degrees_minutes(fix.lon_deg, 'EW'))}</b>, depth "
+            f"{value_with_sigma(fix.depth_m, fix.sigma[2], 'm')}. With 95 % probability it is within an ellipse of "
+            f"{shape.semi_major_m:.2g} by {shape.semi_minor_m:.2g} m whose long axis bears {shape.bearing_deg:.0f}°."
+        )
+    words = f"<b>No fix yet:</b> {html.escape(fix.reason or '')}."
+    if fix.along_track_m is not None:
+        words += (
+            f" Along the track it is {fix.along_track_m:.0f} m from the first ping, "
+            f"{fix.closest_slant_range_m:.0f} m of slant range from the line."
+        )
+    return words
+
+
+def table(fix: BeaconFix) -> str:
+    """The numbers below the sentence, as HTML."""
+    rows = []
+    if fix.position is not None:
+        sigma = fix.sigma if fix.sigma is not None else (None, None, None)
+        rows = [
+            ("east of first ping", value_with_sigma(float(fix.position[0]), sigma[0], "m")),
+            ("north of first ping", value_with_sigma(float(fix.position[1]), sigma[1], "m")),
+            ("depth", value_with_sigma(fix.depth_m, sigma[2], "m")),
+        ]
+        rows += [(name, text) for name, text in position_texts(fix).items() if name != "everything"]
+    if fix.uncertainty is not None:
+        by_speed = abs(fix.uncertainty.by_sound_speed[2] * fix.uncertainty.speed_sigma_mps)
+        rows += [
+            ("of the depth's sigma, from sound speed", f"{by_speed:.2g} m"),
+            ("rms residual", f"{1e3 * fix.uncertainty.rms_s:.3g} ms"),
+            ("residuals that count as one", f"{fix.uncertainty.correlation.length:.1f}"),
+        ]
+    if fix.sound_speed_mps is not None:
+        rows.append(("mean sound speed", f"{fix.sound_speed_mps:.1f} m/s"))
+    rows.append(("pings used", f"{int(fix.used.sum())} of {len(fix.used)}"))
+    left_out = ", ".join(map(str, fix.rejected[:20])) + (" …" if len(fix.rejected) > 20 else "")
+    rows.append(("left out", left_out or "none"))
+    cells = "".join(
+        f'<tr><td style="opacity:.75;padding:1px 8px 1px 0;vertical-align:top">{html.escape(name)}</td>'
+        f"<td>{html.escape(text)}</td></tr>"
+        for name, text in rows
+    )
+    return f"<table>{cells}</table>"
+
+
+def position_texts(fix: BeaconFix) -> dict[str, str]:
+    """The position as people copy it: decimal degrees, degrees and minutes, UTM, and all numbers as JSON."""
+    if fix.position is None:
+        return {}
+    zone, easting, northing = utm(fix.lat_deg, fix.lon_deg)
+    return {
+        "degrees": f"{fix.lat_deg:.8f}, {fix.lon_deg:.8f}",
+        "minutes": f"{degrees_minutes(fix.lat_deg, 'NS')}, {degrees_minutes(fix.lon_deg, 'EW')}",
+        "UTM": f"{zone} {easting:.2f} E {northing:.2f} N (WGS 84)",
+        "everything": json.dumps(document(fix)),
+    }
+
+
+alone(BeaconTab)

@@ -1,0 +1,169 @@
+"""The frame of one tab: what you can turn, one large picture, the answer.
+
+A tab is a subclass of `Tab`:
+
+    class TimingTab(Tab):
+        title = "Timing"                      # exactly what stands on the tab
+        watches = ("crossover", "profile")    # parameters of the session that change the picture
+
+        def controls(self): ...   # widgets at the left, at most nine
+        def more(self): ...       # further widgets, folded
+        def picture(self): ...    # the large picture
+        def strips(self): ...     # one or two figures below it that share its axis or selection
+        def answer(self): ...     # the sentence, the numbers, tables
+        def refresh(self, changed): ...   # redraw what depends on the session's `changed` names
+        def export(self): ...     # (file name, text) for the Export menu
+
+`refresh` is called only while the tab is in sight: a hidden tab is marked stale and refreshed when
+it is shown. An exception there or in a widget's callback is shown in words by the page; raise
+InputError for what the analyst can mend. Work of more than 100 ms goes through
+`self.session.jobs.start(purpose, work, done)`; edits that Undo should take back through
+`self.session.edit(name=value)`. Never watch an object that outlives the session.
+
+Served alone a tab's file ends with `alone(TimingTab)`; in a notebook `TimingTab()` shows itself.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import panel as pn
+import panel_material_ui as pmui
+import param
+from panel.viewable import Viewer
+from panel_splitjs import Split
+
+from dashboards.session import Session
+
+log = logging.getLogger("workbench")
+
+CONTROL_WIDTH = 236
+
+
+class Tab(Viewer):
+    """Base of every tab; see the module."""
+
+    session = param.ClassSelector(class_=Session, constant=True)
+    active = param.Boolean(default=False, doc="in sight")
+
+    title = ""
+    watches: tuple[str, ...] = ()
+
+    def __init__(self, session: Session | None = None, **params):
+        super().__init__(session=session or Session(), **params)
+        self._stale: set[str] = set(self.watches)
+        self._layout = None
+        if self.watches:
+            self.session.param.watch(self._session_changed, list(self.watches))
+
+    # -- what a subclass says ------------------------------------------------------------------
+
+    def controls(self) -> list:
+        """Widgets at the left, at most nine."""
+        return []
+
+    def more(self) -> list:
+        """Further widgets, folded away."""
+        return []
+
+    def picture(self):
+        """The large picture."""
+        return pn.Spacer()
+
+    def strips(self) -> list:
+        """Figures below the picture."""
+        return []
+
+    def answer(self):
+        """What stands at the right."""
+        return pn.Spacer()
+
+    def refresh(self, changed: set[str]) -> None:
+        """Redraws what depends on these parameters of the session."""
+
+    def export(self) -> tuple[str, str] | None:
+        """A file for the Export menu, or None while there is nothing to export."""
+        return None
+
+    # -- in sight or not -----------------------------------------------------------------------
+
+    def activate(self) -> None:
+        """Brings the tab up to date and keeps it so."""
+        self.active = True
+        self._catch_up()
+
+    def deactivate(self) -> None:
+        """Stops redrawing until the tab is shown again."""
+        self.active = False
+
+    def _session_changed(self, *events) -> None:
+        self._stale |= {event.name for event in events}
+        if self.active:
+            self._catch_up()
+
+    def _catch_up(self) -> None:
+        if self._layout is None:
+            self._layout = self._build()
+        changed, self._stale = self._stale, set()
+        if changed:
+            try:
+                with pn.io.hold():
+                    self.refresh(changed)
+            except Exception as error:
+                self.session.report(error)
+
+    # -- layout --------------------------------------------------------------------------------
+
+    def _build(self):
+        left = [*self.controls()]
+        if folded := self.more():
+            left.append(
+                pmui.Accordion(
+                    ("More", pn.Column(*folded, margin=0)),
+                    active=[],
+                    margin=(4, 0),
+                    sizing_mode="stretch_width",
+                )
+            )
+        controls = pn.Column(
+            *left, scroll="y", sizing_mode="stretch_both", min_height=0, margin=0, css_classes=["controls"]
+        )
+        middle = self.picture()
+        if strips := self.strips():
+            below = Split(*strips, sizing_mode="stretch_both") if len(strips) == 2 else strips[0]
+            middle = Split(middle, below, orientation="vertical", sizes=(66, 34), sizing_mode="stretch_both")
+        answer = pn.Column(self.answer(), scroll="y", sizing_mode="stretch_both", min_height=0, margin=0)
+        inner = Split(middle, answer, sizes=(74, 26), min_size=(240, 180), sizing_mode="stretch_both")
+        return Split(controls, inner, sizes=(19, 81), min_size=(200, 400), sizing_mode="stretch_both")
+
+    def __panel__(self):
+        if not self.active:
+            self.activate()
+        return self._layout
+
+
+def number(label: str, value, tip: str, **options):
+    """A typed number with its unit in the label and a tooltip; arrows nudge."""
+    kind = pmui.IntInput if isinstance(value, int) and not isinstance(value, bool) else pmui.FloatInput
+    return kind(
+        label=label,
+        value=value,
+        description=tip,
+        size="small",
+        sizing_mode="stretch_width",
+        margin=(5, 8),
+        **options,
+    )
+
+
+def heading(text: str):
+    """A small heading among controls."""
+    return pmui.Typography(text, variant="overline", margin=(6, 8, 0, 8))
+
+
+def alone(tab_class: type[Tab]) -> None:
+    """Serves a tab by itself when its file is given to `panel serve`; does nothing when imported."""
+    from dashboards.frame import serve_page
+
+    if pn.state.served:
+        serve_page([tab_class])
