@@ -174,9 +174,12 @@ class Workbench:
             return
         key = _session_key()
         pn.state.cache[key] = self.session
-        document.on_session_destroyed(
-            lambda context: (pn.state.cache.pop(key, None), self.session.jobs.cancel()) and None
-        )
+
+        def ended(context) -> None:
+            pn.state.cache.pop(key, None)
+            self.session.jobs.cancel()
+
+        document.on_session_destroyed(ended)
         document.add_periodic_callback(self._tick, TICK_MS)
         if pn.state.location is not None:
             pn.state.location.sync(self._tabs, {"active": "tab"})
@@ -243,9 +246,14 @@ class Workbench:
         session = self.session
 
         def text(pings, tfile):
-            names = [source.rsplit("/", 1)[-1] for source in (
-                pings.source if pings is not None else "", tfile.reports.source if tfile is not None else ""
-            ) if source]  # fmt: skip
+            names = [
+                source.rsplit("/", 1)[-1]
+                for source in (
+                    pings.source if pings is not None else "",
+                    tfile.reports.source if tfile is not None else "",
+                )
+                if source
+            ]
             label = " · ".join(html.escape(name) for name in names)
             badge = (
                 '<b style="background:#B35900;color:white;border-radius:4px;padding:1px 7px">SIMULATED</b>'
@@ -267,13 +275,20 @@ class Workbench:
             return f'{running}<span style="{colour}" role="status">{html.escape(message)}</span>'
 
         cancel = pmui.Button(
-            label="Cancel", size="small", variant="outlined", margin=(2, 6), on_click=lambda event: session.jobs.cancel(),
+            label="Cancel",
+            size="small",
+            variant="outlined",
+            margin=(2, 6),
+            on_click=lambda event: session.jobs.cancel(),
             visible=session.param.work.rx() != "",
-        )  # fmt: skip
+        )
         bar = pmui.LinearProgress(
-            value=(session.param.progress.rx() * 100).rx.pipe(int), width=120, margin=(12, 8), variant="determinate",
+            value=(session.param.progress.rx() * 100).rx.pipe(int),
+            width=120,
+            margin=(12, 8),
+            variant="determinate",
             visible=session.param.progress.rx() > 0,
-        )  # fmt: skip
+        )
         line = pn.pane.HTML(
             pn.bind(words, session.param.message, session.param.failed, session.param.work),
             margin=(5, 10),
@@ -289,9 +304,12 @@ class Workbench:
 
     def _open_dialog(self):
         dropper = pn.widgets.FileDropper(
-            multiple=True, chunk_size=5_000_000, max_file_size=f"{UPLOAD_LIMIT_MB}MB", height=120,
+            multiple=True,
+            chunk_size=5_000_000,
+            max_file_size=f"{UPLOAD_LIMIT_MB}MB",
+            height=120,
             sizing_mode="stretch_width",
-        )  # fmt: skip
+        )
 
         def opened(event):
             for name, content in (event.new or {}).items():

@@ -24,9 +24,10 @@ PAPER_INK = (48, 34, 24)
 def paper_colours(steps: int = 256) -> list[str]:
     """Ink on wet paper, from bare paper to darkest mark."""
     return [
-        "#" + "".join(
+        "#"
+        + "".join(
             f"{round(white + (ink - white) * (k / (steps - 1)) ** 0.8):02x}"
             for white, ink in zip(PAPER_WHITE, PAPER_INK, strict=True)
         )
         for k in range(steps)
-    ]  # fmt: skip
+    ]

@@ -57,9 +57,18 @@ class BeaconMap:
         fig.line("x", "y", source=self.track, color=SHIP, line_width=1, legend_label="ship")
         ink = {"field": "residual_ms", "transform": self.colour}
         points = fig.scatter(
-            "x", "y", source=self.pings, size=6, color=ink, line_color=None, marker="kind", name="pings",
-            nonselection_fill_alpha=0.15, nonselection_line_alpha=0.15, legend_label="ping",
-        )  # fmt: skip
+            "x",
+            "y",
+            source=self.pings,
+            size=6,
+            color=ink,
+            line_color=None,
+            marker="kind",
+            name="pings",
+            nonselection_fill_alpha=0.15,
+            nonselection_line_alpha=0.15,
+            legend_label="ping",
+        )
         fig.add_tools(
             HoverTool(
                 renderers=[points],
@@ -75,13 +84,27 @@ class BeaconMap:
         fig.patch("x", "y", source=self.ellipse, fill_color=ESTIMATE, fill_alpha=0.15, line_color=ESTIMATE)
         fig.line("x", "y", source=self.hollow_ellipse, line_color=ESTIMATE, line_dash="dashed")
         fig.scatter(
-            "x", "y", source=self.fix, size=12, line_color=ESTIMATE, line_width=2, fill_color=ESTIMATE, fill_alpha="fill",
-            legend_label="fix, 95 % ellipse", name="fix",
-        )  # fmt: skip
+            "x",
+            "y",
+            source=self.fix,
+            size=12,
+            line_color=ESTIMATE,
+            line_width=2,
+            fill_color=ESTIMATE,
+            fill_alpha="fill",
+            legend_label="fix, 95 % ellipse",
+            name="fix",
+        )
         fig.scatter(
-            "x", "y", source=self.alternatives, size=12, line_color=ESTIMATE, line_width=2, fill_alpha=0,
+            "x",
+            "y",
+            source=self.alternatives,
+            size=12,
+            line_color=ESTIMATE,
+            line_width=2,
+            fill_alpha=0,
             legend_label="fits as well",
-        )  # fmt: skip
+        )
         fig.text(
             "x",
             "y",
@@ -109,14 +132,24 @@ class BeaconMap:
 
     def _residuals(self):
         fig = figure(
-            name="residuals", sizing_mode="stretch_both", tools="xpan,xwheel_zoom,box_select,tap,reset,save",
-            active_scroll="xwheel_zoom", x_axis_label="ping", y_axis_label="residual (ms)",
-        )  # fmt: skip
+            name="residuals",
+            sizing_mode="stretch_both",
+            tools="xpan,xwheel_zoom,box_select,tap,reset,save",
+            active_scroll="xwheel_zoom",
+            x_axis_label="ping",
+            y_axis_label="residual (ms)",
+        )
         ink = {"field": "residual_ms", "transform": self.colour}
         points = fig.scatter(
-            "number", "residual_ms", source=self.pings, size=5, color=ink, line_color=None, marker="kind",
+            "number",
+            "residual_ms",
+            source=self.pings,
+            size=5,
+            color=ink,
+            line_color=None,
+            marker="kind",
             nonselection_fill_alpha=0.15,
-        )  # fmt: skip
+        )
         fig.add_layout(Span(location=0, dimension="width", line_color=SHIP, line_width=1))
         fig.add_tools(
             HoverTool(
@@ -127,9 +160,13 @@ class BeaconMap:
 
     def _history(self):
         fig = figure(
-            name="history", sizing_mode="stretch_both", tools="xpan,xwheel_zoom,reset,save", active_scroll="xwheel_zoom",
-            x_axis_label="ping", y_axis_label="depth (m), 95 % band",
-        )  # fmt: skip
+            name="history",
+            sizing_mode="stretch_both",
+            tools="xpan,xwheel_zoom,reset,save",
+            active_scroll="xwheel_zoom",
+            x_axis_label="ping",
+            y_axis_label="depth (m), 95 % band",
+        )
         fig.y_range.flipped = True
         fig.varea("number", "low", "high", source=self.history, fill_color=ESTIMATE, fill_alpha=0.2)
         line = fig.line("number", "depth", source=self.history, line_color=ESTIMATE, line_width=2)

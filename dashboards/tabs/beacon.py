@@ -54,9 +54,13 @@ class BeaconTab(Tab):
         self.play.on_click(lambda event: session.play())
         self.at_once.on_click(lambda event: self._to_the_end())
         self.speed = pmui.Select.from_param(
-            session.param.speed, label="Speed", options={f"x{speed}": speed for speed in SPEEDS}, size="small",
-            sizing_mode="stretch_width", margin=(5, 8),
-        )  # fmt: skip
+            session.param.speed,
+            label="Speed",
+            options={f"x{speed}": speed for speed in SPEEDS},
+            size="small",
+            sizing_mode="stretch_width",
+            margin=(5, 8),
+        )
         self.heard = pmui.IntSlider(
             label="Pings heard",
             value=0,
@@ -74,17 +78,21 @@ class BeaconTab(Tab):
             "Mean speed of sound, 1500 unless told; not used with a profile",
         )
         self.speed_sigma = number(
-            "Its sigma (m/s)", settings.speed_sigma_mps, "Standard error of the mean speed: 2 m/s, or 0.5 with a profile",
-            step=0.1, start=0.0,
-        )  # fmt: skip
+            "Its sigma (m/s)",
+            settings.speed_sigma_mps,
+            "Standard error of the mean speed: 2, or 0.5 with a profile",
+            step=0.1,
+            start=0.0,
+        )
         self.use_profile = pmui.Checkbox(
             label="Rays through the profile", value=settings.profile is not None, margin=(0, 8)
         )
-        self.gps = pmui.FloatInput(
-            label="Ship position rms (m)", value=settings.gps_rms_m, size="small", sizing_mode="stretch_width",
-            margin=(5, 8), start=0.0, step=0.5, placeholder="not known",
-            description="Each of east and north, independent from ping to ping; empty: not known, slow errors allowed for",
-        )  # fmt: skip
+        self.gps = optional(
+            "Ship position rms (m)",
+            settings.gps_rms_m,
+            "not known",
+            "Each of east and north, independent from ping to ping; empty: not known, slow errors are allowed for",
+        )
         self.reject = pmui.Checkbox(
             label="Leave out false returns", value=settings.reject == "auto", margin=(0, 8)
         )
@@ -99,11 +107,12 @@ class BeaconTab(Tab):
             settings.hydrophone_depth_m,
             "For surveys that do not say; used when a file is opened",
         )
-        self.sample = pmui.FloatInput(
-            label="Step of times (ms)", value=settings.sample_interval_ms, size="small", sizing_mode="stretch_width",
-            margin=(5, 8), start=0.0, placeholder="found in the file",
-            description="Step in which one-way times were logged; empty: found in the file",
-        )  # fmt: skip
+        self.sample = optional(
+            "Step of times (ms)",
+            settings.sample_interval_ms,
+            "found in the file",
+            "Step in which one-way times were logged; empty: found in the file",
+        )
         self.emission = pmui.Checkbox(
             label="Emission time known", value=settings.emission_known, margin=(0, 8)
         )
@@ -130,7 +139,7 @@ class BeaconTab(Tab):
             "emission_known": self.emission,
         }
         for name, widget in self._setting_widgets.items():
-            widget.param.watch(lambda event, name=name: self._set(**{name: event.new}), "value")
+            widget.param.watch(lambda event, name=name: self._set(**{name: typed(event.new)}), "value")
         self.reject.param.watch(lambda event: self._set(reject="auto" if event.new else "none"), "value")
         self._profile = settings.profile
         self.use_profile.param.watch(
@@ -187,6 +196,8 @@ class BeaconTab(Tab):
         if session.pings is not self._shown_pings or "truth" in changed:
             self._shown_pings = session.pings
             self.map.show_survey(session.pings, session.truth)
+            if session.heard >= len(session.pings):
+                self._compute_history()
         self._show_controls()
         if session.fix is not None and changed & {"fix", "pings"}:
             self.map.show_fix(session.pings, session.fix)
@@ -206,7 +217,9 @@ class BeaconTab(Tab):
                 value = (
                     settings.speed_sigma_mps if name == "sound_speed_sigma_mps" else getattr(settings, name)
                 )
-                widget.value = value
+                widget.value = (
+                    ("" if value is None else f"{value:g}") if widget in (self.gps, self.sample) else value
+                )
             self._profile = settings.profile or self._profile
             self.use_profile.param.update(value=settings.profile is not None, disabled=self._profile is None)
             self.sound_speed.disabled = settings.profile is not None
@@ -276,6 +289,30 @@ class BeaconTab(Tab):
             return None
         answer = {"survey": self.session.pings.source, **document(fix)}
         return "beacon-fix.json", json.dumps(answer, indent=1)
+
+
+def optional(label: str, value: float | None, empty: str, tip: str):
+    """A number that may be left empty."""
+    text = "" if value is None else f"{value:g}"
+    return pmui.TextInput(
+        label=label,
+        value=text,
+        placeholder=empty,
+        description=tip,
+        size="small",
+        sizing_mode="stretch_width",
+        margin=(5, 8),
+    )
+
+
+def typed(value):
+    """What was typed, as a number where it is text; None where nothing was. Raises ValueError for words."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return float(value.replace(",", ".")) if value.strip() else None
+    except ValueError:
+        raise InputError(f"found {value!r}; wanted a number or nothing") from None
 
 
 def sentence(fix: BeaconFix) -> str:

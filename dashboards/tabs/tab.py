@@ -37,7 +37,13 @@ from dashboards.session import Session
 
 log = logging.getLogger("workbench")
 
-CONTROL_WIDTH = 236
+# An accordion's title as small as the controls above it.
+FOLDED = {
+    "& .MuiAccordionSummary-root": {"minHeight": "30px", "padding": "0 8px"},
+    "& .MuiAccordionSummary-content": {"margin": "4px 0"},
+    "& .MuiAccordionSummary-content *": {"fontSize": "13px", "fontWeight": 500},
+    "& .MuiAccordionDetails-root": {"padding": "0"},
+}
 
 
 class Tab(Viewer):
@@ -120,9 +126,9 @@ class Tab(Viewer):
             left.append(
                 pmui.Accordion(
                     ("More", pn.Column(*folded, margin=0)),
-                    active=[],
                     margin=(4, 0),
                     sizing_mode="stretch_width",
+                    sx=FOLDED,
                 )
             )
         controls = pn.Column(

@@ -37,6 +37,11 @@ class Pings:
         seconds = (self.utc - self.utc[:1]).astype("timedelta64[ms]").astype(float) * 1e-3
         return np.maximum.accumulate(seconds)
 
+    @property
+    def arrival_s(self) -> np.ndarray:
+        """Arrivals (N,) [s] by a clock that starts with the first ping: what a chart recorder would fold."""
+        return self.elapsed_s + self.travel_time_s
+
     def only(self, keep: np.ndarray | slice) -> Pings:
         """The same pings where `keep` (N,) is true, or a slice of them."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _COLUMNS})

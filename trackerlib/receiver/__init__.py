@@ -1,0 +1,1 @@
+"""From sound to marks on paper."""
