@@ -27,19 +27,25 @@ TABS = (
 )
 TICK_MS = 200
 
-THEME = {
-    "palette": {"primary": {"main": "#0B5E8A"}},
-    "typography": {"fontSize": 12.5, "button": {"textTransform": "none"}},
-    "components": {
-        "MuiTab": {
-            "styleOverrides": {"root": {"textTransform": "none", "minHeight": 34, "padding": "4px 14px"}}
+
+def _theme(primary: str) -> dict:
+    return {
+        "palette": {"primary": {"main": primary}},
+        "typography": {"fontSize": 12.5, "button": {"textTransform": "none"}},
+        "components": {
+            "MuiTab": {
+                "styleOverrides": {"root": {"textTransform": "none", "minHeight": 34, "padding": "4px 14px"}}
+            },
+            "MuiTabs": {"styleOverrides": {"root": {"minHeight": 34}}},
+            "MuiToolbar": {
+                "styleOverrides": {"root": {"minHeight": "40px !important", "padding": "0 12px !important"}}
+            },
         },
-        "MuiTabs": {"styleOverrides": {"root": {"minHeight": 34}}},
-        "MuiToolbar": {
-            "styleOverrides": {"root": {"minHeight": "40px !important", "padding": "0 12px !important"}}
-        },
-    },
-}
+    }
+
+
+# Small text, low header; a brighter primary colour where the ground is dark.
+THEME = {"light": _theme("#0B5E8A"), "dark": _theme("#5BB4E0")}
 DENSE = """
 .controls { font-size: 13px; }
 #header, .header { min-height: 40px !important; height: 40px !important; }

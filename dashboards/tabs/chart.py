@@ -152,8 +152,8 @@ class ChartTab(Tab):
             text.append(f"The last one fell at {now:.4f} s.")
         text.append(
             "<br><br>A survey log holds times, not sound: every mark is drawn alike, 10 ms long, and the grain is the "
-            "paper's. A ping's time is that of its log line plus its travel time plus an unknown constant, so only how the "
-            "trace bends counts."
+            "paper's. A ping's time is that of its log line plus its travel time plus an unknown constant, so only "
+            "how the trace bends counts."
         )
         text.append(
             "<br><br>Nudge the interval to slant the trace; set the left edge to bring it to the middle."
