@@ -21,6 +21,7 @@ from trackerlib.frames import degrees_minutes, utm
 from trackerlib.rounding import value_with_sigma
 from trackerlib.textfiles import InputError
 
+OPTIONAL = ("gps_rms_m", "sample_interval_ms")  # may be left empty
 HISTORY_FIXES = 60  # fixes that "Fix history" spreads over the survey
 
 
@@ -139,7 +140,7 @@ class BeaconTab(Tab):
             "emission_known": self.emission,
         }
         for name, widget in self._setting_widgets.items():
-            widget.param.watch(lambda event, name=name: self._set(**{name: typed(event.new)}), "value")
+            widget.param.watch(lambda event, name=name: self._set(**{name: event.new}), "value")
         self.reject.param.watch(lambda event: self._set(reject="auto" if event.new else "none"), "value")
         self._profile = settings.profile
         self.use_profile.param.watch(
@@ -241,6 +242,7 @@ class BeaconTab(Tab):
         if self._quiet:
             return
         try:
+            changes = {name: typed(value) if name in OPTIONAL else value for name, value in changes.items()}
             self.session.edit(fix_settings=replace(self.session.fix_settings, **changes))
         except (TypeError, ValueError) as error:
             self.session.report(InputError(str(error)))
