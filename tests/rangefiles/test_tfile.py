@@ -173,6 +173,15 @@ def test_the_header_offers_its_table_of_depth_and_speed(data):
     assert np.array_equal(table, np.loadtxt(data / "range-demo/VELOCITY.DAT"))
 
 
+def test_the_table_is_offered_as_a_profile(data):
+    reading = read_tfile(data / "range-demo/tfile.dat")
+    middle, boundary = reading.profile(), reading.profile(speeds="boundary")
+    assert (middle.depth[0], middle.speed[0]) == (12.5, 4880.55)
+    assert (boundary.depth[0], boundary.speed[0]) == (0.0, 4880.55)
+    assert "tfile.dat" in middle.name
+    assert parse([record(1)]).profile() is None
+
+
 def test_the_run_date_is_the_one_date_of_the_header():
     assert parse([record(1)]).run_date == np.datetime64("1985-06-20")
     two = parse_tfile("\n".join([TITLE, "PRINTED 7/1/85", record(1)]).encode(), "t.dat", 2)

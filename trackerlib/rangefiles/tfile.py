@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.reports import PositionReports
 from trackerlib.rangefiles.arrays import parse_date
 from trackerlib.textfiles import BadRecord, InputError, decode_lines, read_bytes
@@ -58,6 +59,20 @@ class TFileReading:
     run_date: np.datetime64  # the one date in the header, else NaT
     simulated: bool  # the header says so
     warnings: tuple[str, ...] = ()
+
+    def profile(self, speeds: str = "middle") -> SoundSpeedProfile | None:
+        """Sound-speed profile of the header's table, or None where there is none.
+
+        speeds : "middle" if depths are layers' upper boundaries and speeds belong to the layers' middles (as
+        in VELOCITY.DAT, which repeats this table), "boundary" if the speeds belong to the depths given.
+        """
+        if len(self.sound_speed_table) < 2:
+            return None
+        depth, speed = self.sound_speed_table.T
+        name = f"header of {self.reports.source}"
+        if speeds == "middle":
+            return SoundSpeedProfile.from_layer_middles(depth, speed, "ft", name)
+        return SoundSpeedProfile(depth, speed, "ft", name)
 
 
 def read_tfile(path: str | Path, header_records: int = HEADER_RECORDS) -> TFileReading:
