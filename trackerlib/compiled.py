@@ -1,10 +1,10 @@
 """Compiled kernels: numba, cached on disk where that is allowed, warmed before anyone waits.
 
-    @compiled
-    def kernel(...): ...
+@compiled
+def kernel(...): ...
 
-    @warms
-    def _warm(): kernel(small arrays of the usual types)
+@warms
+def _warm(): kernel(small arrays of the usual types)
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from trackerlib.beacon.minimise import Misfit
-from trackerlib.beacon.uncertainty import SlowErrors, ellipse95, residual_correlation, uncertainty_of, wider
+from trackerlib.beacon.uncertainty import SlowErrors, ellipse95, uncertainty_of, wider
+from trackerlib.residuals import residual_correlation
 
 
 def autoregressive(rho, count, rng):

@@ -1,0 +1,41 @@
+"""The shell's way in: exit codes, one JSON document, errors in words."""
+
+import json
+
+import numpy as np
+import pytest
+
+from trackerlib.commands import COMMANDS, main, plain, to_json
+
+
+def test_json_knows_no_nan_and_no_numpy():
+    document = {"a": np.nan, "b": [np.inf, np.int64(3)], "c": np.array([1.5, -np.inf]), 4: (True, None, "é")}
+    text = to_json(document)
+    assert json.loads(text) == {"a": None, "b": [None, 3], "c": [1.5, None], "4": [True, None, "é"]}
+    assert plain(np.bool_(True)) is True
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(name, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([name, "--help"])
+    assert stopped.value.code == 0
+    assert "--json" in capsys.readouterr().out
+
+
+def test_without_a_command_all_are_listed(capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["--help"])
+    assert stopped.value.code == 0
+    listed = capsys.readouterr().out
+    assert all(name in listed for name in COMMANDS)
+
+
+@pytest.mark.parametrize(
+    "argv", [[], ["swim"], ["gate"], ["gate", "t", "--arrays", "a", "--mode", "x", "--out", "o"]]
+)
+def test_a_wrong_call_is_exit_2(argv, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(argv)
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err

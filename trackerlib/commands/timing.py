@@ -1,0 +1,138 @@
+"""`timing CROSSOVER...`: offset and drift of one clock from every set, with their sigmas."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import sys
+from pathlib import Path
+
+from trackerlib.crossover.pairs import CrossoverSet
+from trackerlib.rangefiles.arrays import read_arrays
+from trackerlib.rangefiles.crossover_file import read_crossover
+from trackerlib.rangefiles.m_matrix_file import read_m_matrix
+from trackerlib.rangefiles.velocity_file import read_velocity
+from trackerlib.textfiles import InputError, write_text
+from trackerlib.timing.correction import TimingCorrection, fit_timing
+
+SUMMARY = "estimate timing offset and drift from crossover sets"
+COLUMNS = (
+    "day", "run", "pair", "offset_ms", "sigma_offset_ms", "drift_ms_per_count", "sigma_drift_ms_per_count",
+    "correlation", "t0", "points", "file",
+)  # fmt: skip
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `timing`."""
+    add = parser.add_argument
+    add("crossover", nargs="*", type=Path, metavar="CROSSOVER", help="crossover files whose arrays are known")
+    add(
+        "--set",
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("FILE", "LEFT", "RIGHT"),
+        help="a crossover file and its two arrays",
+    )
+    add("--arrays", type=Path, required=True, metavar="FILE", help="array table")
+    add("--profile", type=Path, required=True, metavar="VELOCITY.DAT", help="sound-speed table, ft and ft/s")
+    add("--profile-speeds", choices=("middle", "boundary"), default="middle", help="where its speeds belong")
+    add("--covariance", type=Path, metavar="FILE", help="M in three rows (default: from straight lines)")
+    add("--day", metavar="D", help="day of these sets, for --out")
+    add("--run", metavar="R", help="run of these sets, for --out")
+    add("--out", type=Path, metavar="OFFSETS.csv", help="table of the offsets, which `constancy` reads")
+
+
+def run(args: argparse.Namespace) -> dict:
+    """The answer of `timing` as a document for JSON; writes OFFSETS.csv where that is asked for."""
+    if not args.crossover and not args.set:
+        raise InputError("no crossover set given; wanted CROSSOVER files or --set FILE LEFT RIGHT")
+    if args.out and (args.day is None or args.run is None):
+        raise InputError("--out needs --day and --run, which the table names")
+    survey = read_arrays(args.arrays).survey
+    profile = read_velocity(args.profile, args.profile_speeds).profile
+    noise = None if args.covariance is None else read_m_matrix(args.covariance)
+    answers = []
+    for path, pair in [(path, None) for path in args.crossover] + [_told(*one) for one in args.set]:
+        reading = read_crossover(path, survey, pair)
+        for record in reading.bad_records:
+            print(f"{path.name}, line {record.line}: {record.why}", file=sys.stderr)
+        for note in reading.notes:
+            print(f"{path.name}: {note}", file=sys.stderr)
+        answers.append(document(path, reading.set, fit_timing(reading.set, survey, profile, noise)))
+    if args.out:
+        write_text(args.out, offsets_csv(answers, args.day, args.run))
+    return {"sets": answers, "simulated": _is_simulated(args)}
+
+
+def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -> dict:
+    """One set's correction under the keys that others rely on."""
+
+    def milli(value):
+        return None if value is None else 1e3 * value
+
+    return {
+        "file": str(path),
+        "pair": list(crossover.pair),
+        "offset_ms": milli(fit.offset_s),
+        "sigma_offset_ms": milli(fit.sigma_offset_s),
+        "drift_ms_per_count": milli(fit.drift_s_per_count),
+        "sigma_drift_ms_per_count": milli(fit.sigma_drift_s_per_count),
+        "correlation": fit.correlation,
+        "t0": fit.t0,
+        "points": fit.points,
+        "excluded_counts": crossover.point_count[fit.excluded].tolist(),
+        "M_ft2": None if fit.noise is None else fit.noise.tolist(),
+        "curved": fit.curved,
+        "rms_before_ft": fit.rms_before,
+        "rms_after_ft": fit.rms_after,
+        "mean_before_ft": fit.mean_before.tolist(),
+        "mean_after_ft": fit.mean_after.tolist(),
+        "reason": fit.reason,
+    }
+
+
+def offsets_csv(answers: list[dict], day: str, run_name: str) -> str:
+    """The table of offsets: day, run, pair, offset_ms, and the other columns of Table 1 (Read 1990)."""
+    out = io.StringIO()
+    table = csv.DictWriter(out, COLUMNS, extrasaction="ignore", lineterminator="\n")
+    table.writeheader()
+    for answer in answers:
+        pair = "-".join(map(str, answer["pair"]))
+        table.writerow(
+            {**answer, "day": day, "run": run_name, "pair": pair, "file": Path(answer["file"]).name}
+        )
+    return out.getvalue()
+
+
+def report(answer: dict) -> str:
+    """The answer of `timing` for a person, a line a set."""
+    lines = ["pair       T   offset (ms)        drift (ms/count)      rms gap (ft)"]
+    for one in answer["sets"]:
+        pair = "{}-{}".format(*one["pair"])
+        if one["sigma_offset_ms"] is None:
+            lines.append(f"{pair:8} {one['points']:3d}   {one['offset_ms']:.3f}, no sigma: {one['reason']}")
+            continue
+        left_out = f"   {len(one['excluded_counts'])} outliers left out" if one["excluded_counts"] else ""
+        lines.append(
+            f"{pair:8} {one['points']:3d}   {one['offset_ms']:7.3f} ± {one['sigma_offset_ms']:.3f}   "
+            f"{one['drift_ms_per_count']:9.4f} ± {one['sigma_drift_ms_per_count']:.4f}   "
+            f"{one['rms_before_ft']:.1f} -> {one['rms_after_ft']:.1f}{left_out}"
+        )
+    if answer["simulated"]:
+        lines.append("SIMULATED data")
+    return "\n".join(lines)
+
+
+def _told(file: str, left: str, right: str) -> tuple[Path, tuple[int, int]]:
+    try:
+        return Path(file), (int(left), int(right))
+    except ValueError:
+        raise InputError(f"--set {file} {left} {right}: wanted two array numbers after the file") from None
+
+
+def _is_simulated(args: argparse.Namespace) -> bool:
+    """Whether a truth.json beside the array table says that the run is synthetic."""
+    truth = args.arrays.with_name("truth.json")
+    return truth.exists() and '"synthetic": true' in truth.read_text(errors="replace")
