@@ -13,6 +13,9 @@ SHIP = "#5A6470"  # thin dark line that still shows on black
 REJECTED = "#8A8F96"  # grey cross
 BEFORE = "#8A8F96"
 
+# Downrange, crossrange and vertical components: Tol's muted set, apart from the arrays' colours.
+COMPONENTS = ("#AA4499", "#44AA99", "#999933")
+
 # Residuals: blue early, red late, symmetric about zero, its middle darkened so that it shows on white.
 DIVERGING = [*RdBu11[:5], "#B8B8B8", *RdBu11[6:]]
 

@@ -177,7 +177,7 @@ class Session(param.Parameterized):
         self.gate()
 
     def _open_tfile(self, content, name) -> None:
-        tfile = parse_tfile(content, name)
+        tfile = parse_tfile(content, name, header_records=None)
         self.param.update(tfile=tfile, profile=tfile.profile() or self.profile)
         self._told(name, f"{len(tfile.reports)} position reports", tfile.reports.bad_records, tfile.warnings)
         self.gate()
@@ -189,6 +189,7 @@ class Session(param.Parameterized):
             parts.append(f"{len(bad_records)} bad lines, the first is line {first.line}: {first.why}")
         self.say("; ".join([*parts, *notes]))
 
+    @param.depends("mode", "max_slant_range_ft", "gap_counts", watch=True)
     def gate(self) -> None:
         """Gates the reports of the chosen vehicle and keeps the chosen set if it is still there."""
         if self.tfile is None or self.survey is None:

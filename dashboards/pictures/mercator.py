@@ -73,6 +73,19 @@ def map_figure(name: str, tile_address: str = "", **options):
         active_scroll="wheel_zoom",
         **options,
     )
+    home = equal_scale(fig)
+    fig.xaxis.formatter = CustomJSTickFormatter(code=_LONGITUDE)
+    fig.yaxis.formatter = CustomJSTickFormatter(code=_LATITUDE)
+    if tile_address:
+        fig.add_tile(WMTSTileSource(url=tile_address))
+    return fig, home
+
+
+def equal_scale(fig) -> Range1d:
+    """Keeps one length a pixel on both axes of a figure, through resizes; returns the holder of its home box.
+
+    The figure's ranges are Range1d; the home box is the holder's tags: left, right, bottom, top.
+    """
     home = Range1d(tags=[0.0, 1000.0, 0.0, 1000.0])
     lock = CustomJS(args={"fig": fig, "home_box": home}, code=_EQUAL_SCALE)
     again = CustomJS(args={"fig": fig, "home_box": home}, code="fig.__lock = null;" + _EQUAL_SCALE)
@@ -80,11 +93,7 @@ def map_figure(name: str, tile_address: str = "", **options):
     fig.js_on_change("inner_height", lock)
     home.js_on_change("tags", lock)
     fig.js_on_event("reset", again)
-    fig.xaxis.formatter = CustomJSTickFormatter(code=_LONGITUDE)
-    fig.yaxis.formatter = CustomJSTickFormatter(code=_LATITUDE)
-    if tile_address:
-        fig.add_tile(WMTSTileSource(url=tile_address))
-    return fig, home
+    return home
 
 
 def show_box(home: Range1d, x: np.ndarray, y: np.ndarray, margin: float = 0.15) -> None:

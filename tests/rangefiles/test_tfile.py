@@ -160,6 +160,13 @@ def test_a_header_count_that_leaves_header_in_is_warned_about(data):
     assert [bad.line for bad in reading.reports.bad_records[:11]] == list(range(21, 32))
 
 
+def test_the_header_is_found_where_its_count_is_not_told(data):
+    assert len(read_tfile(data / "range-demo/tfile.dat", None).header) == 31
+    assert len(parse([record(1), record(2)], header_records=None).header) == 1
+    with pytest.raises(InputError, match="after 0 lines of header; line 1"):
+        parse(["nothing"], header_records=None)
+
+
 def test_the_demo_reads_whole_but_for_its_three_bad_records(data):
     reading = read_tfile(data / "range-demo/tfile.dat")
     assert len(reading.reports) + 3 == 18585

@@ -9,7 +9,7 @@ from pathlib import Path
 from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, GatingResult, gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.rangefiles.arrays import parse_date, read_arrays
-from trackerlib.rangefiles.crossover_file import write_crossover
+from trackerlib.rangefiles.crossover_file import crossover_file_name, write_crossover
 from trackerlib.rangefiles.tfile import HEADER_RECORDS, read_tfile
 from trackerlib.textfiles import InputError
 
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> dict:
 def write_sets(folder: Path, sets: tuple[CrossoverSet, ...]) -> list[Path]:
     """Writes each set as crossover_AA_BB_P.txt; says on standard error which older ones it leaves."""
     folder.mkdir(parents=True, exist_ok=True)
-    files = [folder / "crossover_{:02d}_{:02d}_{}.txt".format(*s.pair, s.pass_number) for s in sets]
+    files = [folder / crossover_file_name(crossover) for crossover in sets]
     older = sorted(path.name for path in folder.glob("crossover_*.txt") if path not in files)
     if older:
         print(f"gate: left {len(older)} files of another call in {folder}: {older[0]} ...", file=sys.stderr)

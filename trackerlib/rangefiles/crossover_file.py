@@ -75,12 +75,22 @@ def parse_crossover(
 
 
 def write_crossover(path: str | Path, crossover: CrossoverSet, decimals: int = 1) -> None:
-    """Writes a set as KEYGATE did: (16X,A10,2X,I2,3X,I2) and (2X,I5,1X,6(2X,F11.1)), whole or not at all."""
+    """Writes a set as KEYGATE did, whole or not at all."""
+    write_text(path, crossover_text(crossover, decimals))
+
+
+def crossover_text(crossover: CrossoverSet, decimals: int = 1) -> str:
+    """A set as KEYGATE wrote it: (16X,A10,2X,I2,3X,I2), then (2X,I5,1X,6(2X,F11.1)) a point count."""
     a, b = crossover.pair
     lines = [f"{'':16}{crossover.range_name[:10]:10}  {a:2d}   {b:2d}"]
     for count, x, y in zip(crossover.point_count, crossover.x, crossover.y, strict=True):
         lines.append(f"  {count:5d} " + "".join(f"  {value:11.{decimals}f}" for value in (*x, *y)))
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
+
+
+def crossover_file_name(crossover: CrossoverSet) -> str:
+    """crossover_AA_BB_P.txt: the array pair and the number of the pass."""
+    return "crossover_{:02d}_{:02d}_{}.txt".format(*crossover.pair, crossover.pass_number)
 
 
 def _first_line(text: str) -> tuple[str, tuple[int, int] | None]:

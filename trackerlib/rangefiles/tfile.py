@@ -19,6 +19,7 @@ from trackerlib.rangefiles.arrays import parse_date
 from trackerlib.textfiles import BadRecord, InputError, decode_lines, read_bytes
 
 HEADER_RECORDS = 31
+MAX_HEADER_RECORDS = 1000  # how far a header is looked for
 COLUMNS = 68
 _CHUNK = 200_000  # records parsed at a time, to bound the memory of a file of millions
 _BLANK, _POINT, _PLUS, _MINUS, _ZERO, _NEWLINE = (ord(c) for c in " .+-0\n")
@@ -75,21 +76,25 @@ class TFileReading:
         return SoundSpeedProfile(depth, speed, "ft", name)
 
 
-def read_tfile(path: str | Path, header_records: int = HEADER_RECORDS) -> TFileReading:
+def read_tfile(path: str | Path, header_records: int | None = HEADER_RECORDS) -> TFileReading:
     """Reports of a T-file; records that cannot be read are kept apart with their line numbers.
 
+    header_records : how many lines to skip; None takes all before the first that is a position record
     Warns of a header count that cuts data off or leaves header in. Raises InputError if the file cannot be
     read, is shorter than its header, or holds no record.
     """
     return parse_tfile(read_bytes(path), Path(path).name, header_records)
 
 
-def parse_tfile(content: bytes, name: str, header_records: int = HEADER_RECORDS) -> TFileReading:
+def parse_tfile(content: bytes, name: str, header_records: int | None = HEADER_RECORDS) -> TFileReading:
     """The same from the bytes of a file (or upload) called `name`."""
-    if header_records < 0:
-        raise InputError(f"{name}: header count is {header_records}, wanted 0 or more")
     content = _one_byte_text(content, name)
     starts, lengths = _line_places(content)
+    if header_records is None:
+        lines = content.decode("latin-1").split("\n", MAX_HEADER_RECORDS)[:MAX_HEADER_RECORDS]
+        header_records = next((n for n, line in enumerate(lines) if _is_record(line)), 0)
+    if header_records < 0:
+        raise InputError(f"{name}: header count is {header_records}, wanted 0 or more")
     if len(starts) <= header_records:
         raise InputError(
             f"{name}: found {len(starts)} lines, wanted {header_records} of header and then records"
