@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from trackerlib.crossover.gaps import distance_along, summarise_gap
+from trackerlib.crossover.gaps import course_of, distance_along, summarise_gap
 from trackerlib.crossover.pairs import CrossoverSet
-from trackerlib.crossover.straight_line import fit_straight_line
 
 
 def crossover_of(gap):
@@ -48,5 +47,10 @@ def test_one_point_has_a_gap_and_no_spread():
 def test_distance_along_grows_with_time_on_any_course(heading):
     t = np.arange(10)
     track = np.column_stack([40 * t * np.cos(heading), 40 * t * np.sin(heading), -300 + 2 * t])
-    along = distance_along(fit_straight_line(track, t), track)
+    along = distance_along(track, track.mean(axis=0), course_of(track, t))
     assert along == pytest.approx(40 * (t - 4.5))
+
+
+def test_a_track_that_goes_nowhere_is_seen_from_downrange():
+    assert course_of(np.zeros((1, 3)), np.array([5])).tolist() == [1, 0]
+    assert course_of(np.zeros((4, 3)) + [0, 0, 1] * np.arange(4)[:, None], np.arange(4)).tolist() == [1, 0]
