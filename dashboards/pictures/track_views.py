@@ -52,8 +52,8 @@ class TrackViews:
                 legend_label=label,
             )
             dots = fig.scatter(
-                f"{letter}{h}", f"{letter}{v}", source=self.points, size=6, color=colour, marker=marker, line_color=None,
-                legend_label=label, nonselection_fill_alpha=0.15,
+                f"{letter}{h}", f"{letter}{v}", source=self.points, size=6, color=colour, marker=marker,
+                line_color=None, legend_label=label, nonselection_fill_alpha=0.15,
             )  # fmt: skip
             fig.add_tools(
                 HoverTool(renderers=[dots], tooltips=[("count", "@count"), (label, ""), ("", "@used")])

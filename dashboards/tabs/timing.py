@@ -50,8 +50,8 @@ class TimingTab(Tab):
         self.fit_all = pmui.Button(label="Fit every set", size="small", variant="outlined", margin=(6, 8))
         self.fit_all.on_click(lambda event: self._fit_all())
         self.table = pn.widgets.Tabulator(
-            disabled=True, show_index=False, pagination="local", page_size=12, sizing_mode="stretch_width", visible=False,
-            theme="simple", configuration={"columnDefaults": {"headerSort": True}}, margin=(6, 8), stylesheets=[TABLE],
+            disabled=True, show_index=False, pagination="local", page_size=12, sizing_mode="stretch_width",
+            visible=False, theme="simple", configuration={"columnDefaults": {"headerSort": True}}, margin=(6, 8), stylesheets=[TABLE],
         )  # fmt: skip
         self._answers: list[dict] = []
 
@@ -244,8 +244,8 @@ def sentence(crossover, correction: TimingCorrection) -> str:
     sigma = None if correction.sigma_offset_s is None else 1e3 * correction.sigma_offset_s
     way = "too short" if correction.offset_s > 0 else "too long"
     words = (
-        f"<b>Transit times were {way} by {value_with_sigma(abs(1e3 * correction.offset_s), sigma, 'ms')}</b> at point count "
-        f"{correction.t0:.0f}, as arrays {first} and {second} saw it: correcting it takes the gap from "
+        f"<b>Transit times were {way} by {value_with_sigma(abs(1e3 * correction.offset_s), sigma, 'ms')}</b> "
+        f"at point count {correction.t0:.0f}, as arrays {first} and {second} saw it: correcting it takes the gap from "
         f"{correction.rms_before:.1f} to {correction.rms_after:.1f} ft."
     )
     return words + (f" {html.escape(correction.reason)}." if correction.reason else "")
