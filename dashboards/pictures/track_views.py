@@ -3,80 +3,118 @@
 from __future__ import annotations
 
 import numpy as np
-from bokeh.models import ColumnDataSource, HoverTool, Span
+from bokeh.core.properties import value
+from bokeh.models import ColumnDataSource, HoverTool, Range1d, Span
 from bokeh.plotting import figure
 
-from dashboards.palette import BEFORE, FIRST_ARRAY, REJECTED, SECOND_ARRAY
+from dashboards.palette import BEFORE, COMPONENTS, FIRST_ARRAY, REJECTED, SECOND_ARRAY
 from dashboards.pictures.beacon_map import style_legend
+from dashboards.pictures.mercator import equal_scale
+from trackerlib.crossover.gaps import course_of, distance_along, summarise_gap
 from trackerlib.crossover.pairs import CrossoverSet
 
-POINT_COLUMNS = ("count", "x0", "x1", "x2", "y0", "y1", "y2", "gap0", "gap1", "gap2", "used")
+# Of either version, x and y: downrange 0, crossrange 1, vertical 2, and distance along the course s.
+TRACK_COLUMNS = tuple(f"{letter}{k}" for letter in "xy" for k in "012s")
+GAP_COLUMNS = ("gap0", "gap1", "gap2")
+AXIS_NAMES = ("downrange", "crossrange", "vertical")
+REPORTED = "as reported"
+VERSIONS = (("x", FIRST_ARRAY, "first array", "circle"), ("y", SECOND_ARRAY, "second array", "square"))
 
 
 class TrackViews:
-    """Plan view, side view and gap against point count; a selection in one is a selection in all."""
+    """Plan view, side view and gap against point count; a selection in one is a selection in all.
+
+    The side view looks across the first version's course. Wild positions do not set the frames; the wheel
+    reaches them.
+    """
 
     def __init__(self):
-        self.points = ColumnDataSource({name: [] for name in POINT_COLUMNS}, name="points")
-        self.before = ColumnDataSource({name: [] for name in ("x0", "x1", "x2", "y0", "y1", "y2", "gap")})
-        self.lines = ColumnDataSource(
-            {name: [] for name in ("x0", "x1", "x2", "y0", "y1", "y2")}, name="lines"
+        names = ("count", "used", *TRACK_COLUMNS, *GAP_COLUMNS)
+        self.points = ColumnDataSource({name: [] for name in names}, name="points")
+        self.before = ColumnDataSource({name: [] for name in TRACK_COLUMNS})
+        self.lines = ColumnDataSource({name: [] for name in TRACK_COLUMNS}, name="lines")
+        self._centre, self._course = np.zeros(3), np.array([1.0, 0.0])
+        self.plan = self._view(
+            "plan",
+            "downrange (ft)",
+            "crossrange (ft)",
+            "01",
+            x_range=Range1d(0, 1000),
+            y_range=Range1d(0, 1000),
         )
-        self.plan = self._view("plan", "downrange (ft)", "crossrange (ft)", (0, 1), aspect=True)
-        self.side = self._view("side", "downrange (ft)", "vertical (ft)", (0, 2), aspect=False)
+        self.home = equal_scale(self.plan)
+        self.side = self._view("side", "distance along the course (ft)", "vertical (ft)", "s2")
         self.gap = self._gap()
 
     # -- figures -------------------------------------------------------------------------------
 
-    def _view(self, name, x_label, y_label, axes, aspect):
+    def _view(self, name, x_label, y_label, axes, **ranges):
         fig = figure(
-            name=name, sizing_mode="stretch_both", tools="pan,wheel_zoom,box_zoom,box_select,lasso_select,reset,save",
-            active_scroll="wheel_zoom", x_axis_label=x_label, y_axis_label=y_label, match_aspect=aspect,
-        )  # fmt: skip
-        h, v = axes
-        versions = (
-            ("x", FIRST_ARRAY, "first array", "circle"),
-            ("y", SECOND_ARRAY, "second array", "square"),
+            name=name,
+            sizing_mode="stretch_both",
+            tools="pan,wheel_zoom,box_zoom,box_select,lasso_select,tap,reset,save",
+            active_scroll="wheel_zoom",
+            x_axis_label=x_label,
+            y_axis_label=y_label,
+            **ranges,
         )
-        for letter, colour, label, marker in versions:
+        for letter, colour, label, marker in VERSIONS:
+            h, v = (letter + axis for axis in axes)
             fig.scatter(
-                f"{letter}{h}", f"{letter}{v}", source=self.before, size=4, color=BEFORE, alpha=0.5, marker=marker,
-                legend_label="as reported",
-            )  # fmt: skip
-            fig.line(
-                f"{letter}{h}",
-                f"{letter}{v}",
-                source=self.lines,
-                color=colour,
-                line_width=1,
-                legend_label=label,
+                h,
+                v,
+                source=self.before,
+                size=4,
+                color=BEFORE,
+                alpha=0.5,
+                marker=marker,
+                legend_label=REPORTED,
             )
+            fig.line(h, v, source=self.lines, color=colour, line_width=1, legend_label=label)
             dots = fig.scatter(
-                f"{letter}{h}", f"{letter}{v}", source=self.points, size=6, color=colour, marker=marker,
-                line_color=None, legend_label=label, nonselection_fill_alpha=0.15,
-            )  # fmt: skip
-            fig.add_tools(
-                HoverTool(renderers=[dots], tooltips=[("count", "@count"), (label, ""), ("", "@used")])
+                h,
+                v,
+                source=self.points,
+                size=6,
+                color=colour,
+                marker=marker,
+                line_color=None,
+                legend_label=label,
+                nonselection_fill_alpha=0.15,
             )
+            where = f"@{letter}0{{0.0}}, @{letter}1{{0.0}}, @{letter}2{{0.0}} ft"
+            tips = [("count", "@count"), (label, where), ("", "@used")]
+            fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
         fig.yaxis.formatter.use_scientific = fig.xaxis.formatter.use_scientific = False
+        for item in fig.legend[0].items:
+            item.tags = [item.label.value]
+            item.visible = item.label.value != REPORTED
         style_legend(fig)
         return fig
 
     def _gap(self):
         fig = figure(
-            name="gap", sizing_mode="stretch_both", tools="xpan,xwheel_zoom,box_select,reset,save",
-            active_scroll="xwheel_zoom", x_axis_label="point count", y_axis_label="gap, first minus second (ft)",
-        )  # fmt: skip
-        for axis, (label, colour) in enumerate(
-            (("downrange", FIRST_ARRAY), ("crossrange", SECOND_ARRAY), ("vertical", "#009E73"))
-        ):
+            name="gap",
+            sizing_mode="stretch_both",
+            tools="xpan,xwheel_zoom,ywheel_zoom,box_select,tap,reset,save",
+            active_scroll="xwheel_zoom",
+            x_axis_label="point count",
+            y_axis_label="first minus second (ft)",
+            y_range=Range1d(-10, 10),
+        )
+        for column, label, colour in zip(GAP_COLUMNS, AXIS_NAMES, COMPONENTS, strict=True):
             dots = fig.scatter(
-                "count", f"gap{axis}", source=self.points, size=5, color=colour, line_color=None, legend_label=label,
+                "count",
+                column,
+                source=self.points,
+                size=5,
+                color=colour,
+                line_color=None,
+                legend_label=label,
                 nonselection_fill_alpha=0.15,
-            )  # fmt: skip
-            fig.add_tools(
-                HoverTool(renderers=[dots], tooltips=[("count", "@count"), (label, f"@gap{axis}{{0.0}} ft")])
             )
+            tips = [("count", "@count"), (label, f"@{column}{{0.0}} ft"), ("", "@used")]
+            fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
         fig.add_layout(Span(location=0, dimension="width", line_color=REJECTED, line_width=1))
         style_legend(fig)
         return fig
@@ -87,37 +125,74 @@ class TrackViews:
         """A set, its tracks moved to x and y (T, 3) where those are given, its straight lines if any.
 
         excluded : (T,) points that an estimate leaves out
-        lines : straight lines (2, 3) of the first and of the second version: their two ends
+        lines : straight lines (2, 2, 3) of the first and of the second version: their two ends
         """
         x, y = crossover.x if x is None else x, crossover.y if y is None else y
-        used = (
-            np.full(crossover.points, "used") if excluded is None else np.where(excluded, "left out", "used")
+        self._centre, self._course = crossover.x.mean(axis=0), course_of(crossover.x, crossover.point_count)
+        used = np.full(crossover.points, "used")
+        if excluded is not None:
+            used = np.where(excluded, "left out", "used")
+        self.points.data = {
+            "count": crossover.point_count.astype(np.int32),
+            "used": used,
+            **self._columns(x, y),
+        }
+        self.lines.data = (
+            {name: [] for name in TRACK_COLUMNS} if lines is None else self._tracks(lines[0], lines[1])
         )
-        self.points.data = {"count": crossover.point_count.astype(np.int32), "used": used, **_columns(x, y)}
-        if lines is None:
-            self.lines.data = {name: [] for name in self.lines.data}
-        else:
-            self.lines.data = {
-                f"{letter}{k}": ends[:, k] for letter, ends in zip("xy", lines, strict=True) for k in range(3)
-            }
+        self._name_arrays(crossover.pair)
+        self._frame(crossover)
+
+    def clear(self) -> None:
+        """Nothing to see."""
+        for source in (self.points, self.before, self.lines):
+            source.data = {name: [] for name in source.data}
 
     def move(self, x: np.ndarray, y: np.ndarray) -> None:
         """The same points at new places: only the columns that change are sent."""
-        self.points.data.update(_columns(x, y))
+        self.points.data.update(self._columns(x, y))
 
     def show_before(self, crossover: CrossoverSet | None) -> None:
         """Faint marks where both versions were reported, or none."""
         empty = np.zeros((0, 3))
-        x, y = (empty, empty) if crossover is None else (crossover.x, crossover.y)
-        columns = _columns(x, y)
-        self.before.data = {name: columns[name] for name in ("x0", "x1", "x2", "y0", "y1", "y2")} | {
-            "gap": columns["gap0"]
-        }
+        self.before.data = self._tracks(
+            *((empty, empty) if crossover is None else (crossover.x, crossover.y))
+        )
 
+    def _tracks(self, x: np.ndarray, y: np.ndarray) -> dict:
+        """Columns of both tracks, single precision: a twentieth of an inch at 50,000 ft."""
+        columns = {}
+        for letter, track in (("x", x), ("y", y)):
+            columns |= {f"{letter}{k}": track[:, k].astype("f4") for k in range(3)}
+            columns[f"{letter}s"] = distance_along(track, self._centre, self._course).astype("f4")
+        return columns
 
-def _columns(x: np.ndarray, y: np.ndarray) -> dict:
-    """Columns of both tracks and of their gap, single precision: a twentieth of an inch at 50,000 ft."""
-    tracks = {
-        f"{letter}{k}": track[:, k].astype("f4") for letter, track in (("x", x), ("y", y)) for k in range(3)
-    }
-    return tracks | {f"gap{k}": (x - y)[:, k].astype("f4") for k in range(3)}
+    def _columns(self, x: np.ndarray, y: np.ndarray) -> dict:
+        gap = (x - y).astype("f4")
+        return self._tracks(x, y) | {name: gap[:, k] for k, name in enumerate(GAP_COLUMNS)}
+
+    def _name_arrays(self, pair: tuple[int, int]) -> None:
+        """Array numbers in the legends."""
+        names = dict(zip((version[2] for version in VERSIONS), pair, strict=True))
+        for fig in (self.plan, self.side):
+            for item in fig.legend[0].items:
+                if item.tags[0] in names:
+                    item.label = value(f"array {names[item.tags[0]]}")
+        self.gap.yaxis.axis_label = f"array {pair[0]} minus {pair[1]} (ft)"
+
+    def _frame(self, crossover: CrossoverSet) -> None:
+        """Frames the plan and the gap to what is not far off."""
+        summary = summarise_gap(crossover)
+        near = ~summary.far if not summary.far.all() else np.ones(crossover.points, bool)
+        places = np.concatenate([crossover.x[near], crossover.y[near]])[:, :2]
+        middle = (places.min(axis=0) + places.max(axis=0)) / 2
+        half = np.maximum(0.55 * np.ptp(places, axis=0), 50.0)
+        self.home.tags = [
+            float(v)
+            for v in (middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1])
+        ]
+        gap = crossover.gap[near]
+        low, high = min(gap.min(), 0.0), max(gap.max(), 0.0)
+        margin = 0.1 * (high - low) + 1.0
+        low, high = float(low - margin), float(high + margin)
+        self.gap.y_range.update(start=low, end=high, reset_start=low, reset_end=high)

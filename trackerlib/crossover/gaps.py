@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackerlib.crossover.pairs import CrossoverSet
-from trackerlib.crossover.straight_line import StraightLine
+from trackerlib.crossover.straight_line import fit_straight_line
 
 SIGMA_OF_MAD = 1.4826  # standard deviation of a normal law over its median absolute deviation
 FAR_SPREADS = 8.0
@@ -35,9 +35,16 @@ def summarise_gap(crossover: CrossoverSet) -> GapSummary:
     return GapSummary(median, spread, far, crossover.points)
 
 
-def distance_along(line: StraightLine, position: np.ndarray) -> np.ndarray:
-    """Horizontal distance (T,) of positions (T, 3) along a line's course, from its centre, growing with time."""
-    course = line.direction[:2] * np.sign(line.speed or 1.0)
+def course_of(track: np.ndarray, point_count: np.ndarray) -> np.ndarray:
+    """Horizontal unit vector (2,) along which a track (T, 3) goes; downrange where it goes nowhere."""
+    if len(np.unique(point_count)) < 2:
+        return np.array([1.0, 0.0])
+    line = fit_straight_line(track, point_count)
+    course = line.direction[:2] * np.sign(line.speed)
     length = np.hypot(*course)
-    course = course / length if length > 1e-9 else np.array([1.0, 0.0])
-    return (position - line.centre)[:, :2] @ course
+    return course / length if length > 1e-9 else np.array([1.0, 0.0])
+
+
+def distance_along(position: np.ndarray, centre: np.ndarray, course: np.ndarray) -> np.ndarray:
+    """Horizontal distance (T,) of positions (T, 3) from a centre (3,) along a course (2,)."""
+    return (position - centre)[:, :2] @ course
