@@ -46,6 +46,7 @@ SEARCH_PINGS = 300  # the search looks at no more pings than this, evenly chosen
 SPARE_PINGS = 3  # pings beyond the number of unknowns below which a fix is refused
 TYPICAL_DEPTH_M = 2000.0  # to which the search takes the mean of a profile's speed
 SAME_PLACE_SHARE = 0.02  # of the slant range: solutions closer than this are one
+UNREACHABLE = "no ray through this profile reaches any place in the search region"
 AS_LIKELY = 9.0  # chi-square by which another solution may fit worse and still count (3 sigma)
 
 
@@ -192,17 +193,15 @@ class _Attempt:
     extra_start: np.ndarray | None
 
     def result(self) -> BeaconFix:
-        candidates = self._candidates()
-        if not candidates:
-            return replace(
-                self.blank, reason="no ray through this profile reaches any place in the search region"
-            )
-        best = candidates[0]
-        fix = self._describe(best)
         track = straight_track(self.problem.ship)
         ship_sigma = ASSUMED_SHIP_RMS_M if self.settings.gps_rms_m is None else self.settings.gps_rms_m
         if track.is_straight(max(ship_sigma, 0.1)):
-            return self._on_a_circle(fix, track)
+            return self._on_a_circle(track)
+        candidates = self._candidates()
+        if not candidates:
+            return replace(self.blank, reason=UNREACHABLE)
+        best = candidates[0]
+        fix = self._describe(best)
         unseen: tuple[Unobservable, ...] = ()
         if fix.uncertainty is not None:
             slant_range = float(np.median(np.linalg.norm(best.position - self.problem.ship, axis=1)))
@@ -215,13 +214,19 @@ class _Attempt:
         reason = self._objection(best, fix, unseen, others)
         return replace(fix, converged=reason is None, reason=reason, unobservable=unseen, alternatives=others)
 
-    def _candidates(self) -> list[_Candidate]:
-        """Distinct places that fit, best first."""
+    def _quick(self) -> tuple[Problem, Problem]:
+        """The problem with few enough pings to search with, along straight paths and as it is.
+
+        Straight paths are good enough to find the right valleys, at a tenth of the cost of rays.
+        """
         count = len(self.problem.time)
         chosen = np.unique(np.linspace(0, count - 1, min(count, SEARCH_PINGS)).astype(int))
-        search = self.problem.only(chosen)
-        # Straight paths are good enough to find the right valleys, at a tenth of the cost of rays.
-        straight = replace(search, paths=StraightPaths(search.paths.mean_speed(TYPICAL_DEPTH_M)))
+        few = self.problem.only(chosen)
+        return replace(few, paths=StraightPaths(few.paths.mean_speed(TYPICAL_DEPTH_M))), few
+
+    def _candidates(self) -> list[_Candidate]:
+        """Distinct places that fit, best first."""
+        straight, search = self._quick()
         found, scale = robust_descent(straight, starts(self.problem, self.extra_start), rounds=12, steps=6)
         found = found[self._distinct(found, self._cost(found, float(scale.min()), straight))[:6]]
         found, scale = robust_descent(search, found, rounds=8, steps=6)
@@ -348,27 +353,27 @@ class _Attempt:
         rise = (square[1:] - square[0]) / max(variance, 1e-30) / fix.uncertainty.correlation.length
         return bool(rise.min() > 1.0)
 
-    def _on_a_circle(self, fix: BeaconFix, track: StraightTrack) -> BeaconFix:
+    def _on_a_circle(self, track: StraightTrack) -> BeaconFix:
         """What a straight track does say: place along it, closest slant range, a pair of mirror solutions.
 
         The pair stands 45 degrees down on either side; every other point of the circle fits as well.
         """
         down = np.array([0.0, 0.0, -1.0])
-        below = self._below_line(track, down)
-        along = float((below - track.centre) @ track.along)
-        radius = float((below - track.centre) @ down)
+        below = self._below_line(track, down) - track.centre
+        slopes = [(side * track.across + down) / np.sqrt(2) for side in (1, -1)]
         pair = [
-            self._in_plane(track, along, radius, (side * track.across + down) / np.sqrt(2))
-            for side in (1, -1)
+            self._in_plane(track, float(below @ track.along), float(below @ down), slope) for slope in slopes
         ]
-        lowest = min(candidate.cost for candidate in pair)
+        lowest = min(pair, key=lambda candidate: candidate.cost)
+        if not np.isfinite(self.problem.paths.times(lowest.position[None], self.problem.ship)[0]).any():
+            return replace(self.blank, reason=UNREACHABLE)
         offsets = np.array([candidate.position - track.centre for candidate in pair])
         along_each = offsets @ track.along
         closest = np.linalg.norm(offsets - along_each[:, None] * track.along, axis=1)
         first = (self.problem.ship[0] - track.centre) @ track.along
         unseen = unseen_beside_line(track)
         return replace(
-            fix,
+            self._describe(lowest),
             reason=unseen[0].why,
             position=None,
             lat_deg=None,
@@ -376,21 +381,22 @@ class _Attempt:
             depth_m=None,
             uncertainty=None,
             unobservable=unseen,
-            alternatives=tuple(self._solution(c.position, c.cost - lowest) for c in pair),
+            alternatives=tuple(self._solution(c.position, c.cost - lowest.cost) for c in pair),
             along_track_m=float(along_each.mean() - first),
             closest_slant_range_m=float(closest.mean()),
         )
 
     def _below_line(self, track: StraightTrack, down: np.ndarray) -> np.ndarray:
-        """The best place (3,) in the vertical plane through a straight track."""
+        """The best place (3,) in the vertical plane through a straight track, along straight paths."""
         places = [
             track.centre + share * track.length_m * track.along + distance * track.length_m * down
             for share in (-0.4, -0.1, 0.1, 0.4)
             for distance in (0.05, 0.2, 0.5)
         ]
+        straight, _ = self._quick()
         axes = np.array([track.along, down])
-        found, scale = robust_descent(self.problem, np.array(places), rounds=12, steps=6, axes=axes)
-        return found[int(np.argmin(self._cost(found, float(scale.min()), self.problem)))]
+        found, scale = robust_descent(straight, np.array(places), rounds=12, steps=6, axes=axes)
+        return found[int(np.argmin(self._cost(found, float(scale.min()), straight)))]
 
     def _in_plane(self, track, along: float, radius: float, slope: np.ndarray) -> _Candidate:
         """The best fit in the plane of the track and a direction (3,) at right angles to it."""
