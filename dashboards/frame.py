@@ -28,11 +28,14 @@ TABS = (
 TICK_MS = 200
 
 
-def _theme(primary: str) -> dict:
+def _theme(primary: str, bar: str) -> dict:
     return {
         "palette": {"primary": {"main": primary}},
         "typography": {"fontSize": 12.5, "button": {"textTransform": "none"}},
         "components": {
+            "MuiAppBar": {
+                "styleOverrides": {"root": {"backgroundColor": f"{bar} !important", "color": "white"}}
+            },
             "MuiTab": {
                 "styleOverrides": {"root": {"textTransform": "none", "minHeight": 34, "padding": "4px 14px"}}
             },
@@ -45,7 +48,7 @@ def _theme(primary: str) -> dict:
 
 
 # Small text, low header; a brighter primary colour where the ground is dark.
-THEME = {"light": _theme("#0B5E8A"), "dark": _theme("#5BB4E0")}
+THEME = {"light": _theme("#0B5E8A", bar="#0B5E8A"), "dark": _theme("#5BB4E0", bar="#0B3A55")}
 DENSE = """
 .controls { font-size: 13px; }
 #header, .header { min-height: 40px !important; height: 40px !important; }
