@@ -19,6 +19,8 @@ GAP_COLUMNS = ("gap0", "gap1", "gap2")
 AXIS_NAMES = ("downrange", "crossrange", "vertical")
 REPORTED = "as reported"
 VERSIONS = (("x", FIRST_ARRAY, "first array", "circle"), ("y", SECOND_ARRAY, "second array", "square"))
+# What a point left out changes: its word, and for either version its mark and its colour.
+LOOK_COLUMNS = ("used", "markx", "marky", "inkx", "inky")
 
 
 class TrackViews:
@@ -29,7 +31,7 @@ class TrackViews:
     """
 
     def __init__(self):
-        names = ("count", "used", *TRACK_COLUMNS, *GAP_COLUMNS)
+        names = ("count", *LOOK_COLUMNS, *TRACK_COLUMNS, *GAP_COLUMNS)
         self.points = ColumnDataSource({name: [] for name in names}, name="points")
         self.before = ColumnDataSource({name: [] for name in TRACK_COLUMNS})
         self.lines = ColumnDataSource({name: [] for name in TRACK_COLUMNS}, name="lines")
@@ -43,7 +45,10 @@ class TrackViews:
             y_range=Range1d(0, 1000),
         )
         self.home = equal_scale(self.plan)
-        self.side = self._view("side", "distance along the course (ft)", "vertical (ft)", "s2")
+        self.side = self._view(
+            "side", "distance along the course (ft)", "vertical (ft)", "s2", y_range=Range1d(-1000, 0)
+        )
+        self.side.legend.visible = False  # the plan's says it
         self.gap = self._gap()
 
     # -- figures -------------------------------------------------------------------------------
@@ -76,11 +81,10 @@ class TrackViews:
                 v,
                 source=self.points,
                 size=6,
-                color=colour,
-                marker=marker,
-                line_color=None,
+                color=f"ink{letter}",
+                marker=f"mark{letter}",
                 legend_label=label,
-                nonselection_fill_alpha=0.15,
+                nonselection_alpha=0.15,
             )
             where = f"@{letter}0{{0.0}}, @{letter}1{{0.0}}, @{letter}2{{0.0}} ft"
             tips = [("count", "@count"), (label, where), ("", "@used")]
@@ -117,6 +121,8 @@ class TrackViews:
             fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
         fig.add_layout(Span(location=0, dimension="width", line_color=REJECTED, line_width=1))
         style_legend(fig)
+        fig.legend.orientation = "horizontal"
+        fig.add_layout(fig.legend[0], "above")
         return fig
 
     # -- data ----------------------------------------------------------------------------------
@@ -129,12 +135,9 @@ class TrackViews:
         """
         x, y = crossover.x if x is None else x, crossover.y if y is None else y
         self._centre, self._course = crossover.x.mean(axis=0), course_of(crossover.x, crossover.point_count)
-        used = np.full(crossover.points, "used")
-        if excluded is not None:
-            used = np.where(excluded, "left out", "used")
         self.points.data = {
             "count": crossover.point_count.astype(np.int32),
-            "used": used,
+            **_looks(np.zeros(crossover.points, bool) if excluded is None else excluded),
             **self._columns(x, y),
         }
         self.lines.data = (
@@ -142,6 +145,10 @@ class TrackViews:
         )
         self._name_arrays(crossover.pair)
         self._frame(crossover)
+
+    def leave_out(self, excluded: np.ndarray) -> None:
+        """Shows the points where `excluded` (T,) is true as grey crosses."""
+        self.points.data.update(_looks(excluded))
 
     def clear(self) -> None:
         """Nothing to see."""
@@ -158,6 +165,9 @@ class TrackViews:
         self.before.data = self._tracks(
             *((empty, empty) if crossover is None else (crossover.x, crossover.y))
         )
+        for fig in (self.plan, self.side):
+            for item in fig.legend[0].items:
+                item.visible = item.tags[0] != REPORTED or crossover is not None
 
     def _tracks(self, x: np.ndarray, y: np.ndarray) -> dict:
         """Columns of both tracks, single precision: a twentieth of an inch at 50,000 ft."""
@@ -181,7 +191,7 @@ class TrackViews:
         self.gap.yaxis.axis_label = f"array {pair[0]} minus {pair[1]} (ft)"
 
     def _frame(self, crossover: CrossoverSet) -> None:
-        """Frames the plan and the gap to what is not far off."""
+        """Frames all three views to what is not far off."""
         summary = summarise_gap(crossover)
         near = ~summary.far if not summary.far.all() else np.ones(crossover.points, bool)
         places = np.concatenate([crossover.x[near], crossover.y[near]])[:, :2]
@@ -191,8 +201,21 @@ class TrackViews:
             float(v)
             for v in (middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1])
         ]
-        gap = crossover.gap[near]
-        low, high = min(gap.min(), 0.0), max(gap.max(), 0.0)
-        margin = 0.1 * (high - low) + 1.0
-        low, high = float(low - margin), float(high + margin)
-        self.gap.y_range.update(start=low, end=high, reset_start=low, reset_end=high)
+        _set_range(self.gap.y_range, np.append(crossover.gap[near].ravel(), 0.0))
+        _set_range(self.side.y_range, np.concatenate([crossover.x[near], crossover.y[near]])[:, 2])
+
+
+def _set_range(axis: Range1d, values: np.ndarray) -> None:
+    """Frames some values, now and after a reset."""
+    margin = 0.1 * np.ptp(values) + 1.0
+    low, high = float(values.min() - margin), float(values.max() + margin)
+    axis.update(start=low, end=high, reset_start=low, reset_end=high)
+
+
+def _looks(excluded: np.ndarray) -> dict:
+    """Columns that tell points left out (T,) from the others."""
+    columns = {"used": np.where(excluded, "left out", "used")}
+    for letter, colour, _, marker in VERSIONS:
+        columns[f"mark{letter}"] = np.where(excluded, "x", marker)
+        columns[f"ink{letter}"] = np.where(excluded, REJECTED, colour)
+    return columns

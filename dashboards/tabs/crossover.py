@@ -158,7 +158,7 @@ class CrossoverTab(Tab):
                 "<b>No two arrays saw this vehicle at one point count.</b> Try another vehicle."
             )
             return
-        self.views.show(crossover, lines=straight_lines(crossover))
+        self.views.show(crossover, excluded=summarise_gap(crossover).far, lines=straight_lines(crossover))
         self.words.object = sentence(crossover, self.session.gating, self.session.simulated)
 
     # -- what the analyst does -----------------------------------------------------------------
@@ -241,7 +241,10 @@ def sentence(crossover: CrossoverSet, gating: GatingResult, simulated: bool) -> 
     far = int(summarise_gap(crossover).far.sum())
     words += gap_table(crossover)
     if far:
-        words += f"{far} of the points lie far off and do not count in these or in the lines. "
+        words += (
+            f"{far} {'point lies' if far == 1 else 'points lie'} far off (grey crosses) and "
+            f"{'does' if far == 1 else 'do'} not count in the lines. "
+        )
     if is_curved(crossover.x, crossover.point_count) or is_curved(crossover.y, crossover.point_count):
         words += "The vehicle turns or changes speed here: a straight line is no model of this track."
     return words

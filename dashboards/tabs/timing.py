@@ -151,7 +151,7 @@ class TimingTab(Tab):
             return
         correction = fit_timing(self._set, session.survey, session.profile)
         session.correction = correction
-        self.views.points.data["used"] = np.where(correction.excluded, "left out", "used")
+        self.views.leave_out(correction.excluded)
         if not self.active:  # the session's change is only followed in sight
             self._put(1e3 * correction.offset_s, 1e3 * correction.drift_s_per_count)
 

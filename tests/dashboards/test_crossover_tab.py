@@ -148,7 +148,9 @@ def test_a_wild_position_does_not_set_the_frame(tab):
     tab.session.crossover = CrossoverSet((1, 2), t, x, y)
     assert tab.views.gap.y_range.start > -100
     assert tab.views.home.tags[1] < 1000
-    assert "1 of the points lie far off" in tab.words.object
+    assert tab.views.side.y_range.end < 0
+    assert "1 point lies far off" in tab.words.object
+    assert [k for k, mark in enumerate(drawn(tab)["markx"]) if mark == "x"] == [5]
 
 
 def test_a_set_of_one_point_is_drawn(tab):
