@@ -33,7 +33,7 @@ class BeaconMap:
     """Map, residuals and history of one hunt; `show` replaces only what changed."""
 
     def __init__(self, tile_address: str = ""):
-        empty = {name: [] for name in ("number", "x", "y", "residual_ms", "used", "utc", "kind")}
+        empty = {name: [] for name in ("number", "x", "y", "residual_ms", "shade_ms", "used", "utc", "kind")}
         self.pings = ColumnDataSource(empty, name="pings")
         self.track = ColumnDataSource({"x": [], "y": []})
         self.ship = ColumnDataSource({"x": [], "y": [], "angle": []})
@@ -55,14 +55,13 @@ class BeaconMap:
     def _map(self, tile_address):
         fig, home = map_figure("beacon map", tile_address)
         fig.line("x", "y", source=self.track, color=SHIP, line_width=1, legend_label="ship")
-        ink = {"field": "residual_ms", "transform": self.colour}
+        ink = {"field": "shade_ms", "transform": self.colour}
         points = fig.scatter(
             "x",
             "y",
             source=self.pings,
             size=6,
             color=ink,
-            line_color=None,
             marker="kind",
             name="pings",
             nonselection_fill_alpha=0.15,
@@ -139,14 +138,13 @@ class BeaconMap:
             x_axis_label="ping",
             y_axis_label="residual (ms)",
         )
-        ink = {"field": "residual_ms", "transform": self.colour}
+        ink = {"field": "shade_ms", "transform": self.colour}
         points = fig.scatter(
             "number",
             "residual_ms",
             source=self.pings,
             size=5,
             color=ink,
-            line_color=None,
             marker="kind",
             nonselection_fill_alpha=0.15,
         )
@@ -207,6 +205,7 @@ class BeaconMap:
             "x": x,
             "y": y,
             "residual_ms": np.where(used, residual, np.clip(residual, -4 * limit, 4 * limit)).astype("f4"),
+            "shade_ms": np.where(used, residual, np.nan).astype("f4"),  # grey where left out
             "used": np.where(used, "used", "left out"),
             "utc": np.where(np.isnat(pings.utc[:count]), "", pings.utc[:count].astype(str)),
             "kind": np.where(used, "circle", "x"),

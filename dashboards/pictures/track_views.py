@@ -80,7 +80,7 @@ class TrackViews:
                 h,
                 v,
                 source=self.points,
-                size=6,
+                size=5,
                 color=f"ink{letter}",
                 marker=f"mark{letter}",
                 legend_label=label,
