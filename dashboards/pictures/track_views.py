@@ -206,8 +206,8 @@ class TrackViews:
 
 
 def _set_range(axis: Range1d, values: np.ndarray) -> None:
-    """Frames some values, now and after a reset."""
-    margin = 0.1 * np.ptp(values) + 1.0
+    """Frames some values, now and after a reset, with room for a track that is corrected by a few ms."""
+    margin = 0.2 * np.ptp(values) + 5.0
     low, high = float(values.min() - margin), float(values.max() + margin)
     axis.update(start=low, end=high, reset_start=low, reset_end=high)
 
