@@ -254,20 +254,15 @@ class Workbench:
     def _badge(self):
         session = self.session
 
+        badge = ' <b style="background:#B35900;color:white;border-radius:4px;padding:1px 7px">SIMULATED</b>'
+
         def text(pings, tfile):
-            names = [
-                source.rsplit("/", 1)[-1]
-                for source in (
-                    pings.source if pings is not None else "",
-                    tfile.reports.source if tfile is not None else "",
-                )
-                if source
-            ]
-            label = " · ".join(html.escape(name) for name in names)
-            badge = (
-                '<b style="background:#B35900;color:white;border-radius:4px;padding:1px 7px">SIMULATED</b>'
-            )
-            return f"{label} &nbsp; {badge if session.simulated else ''}"
+            sources = []
+            if pings is not None:
+                sources.append((pings.source, pings.simulated))
+            if tfile is not None:
+                sources.append((tfile.reports.source, tfile.simulated))
+            return " &nbsp; ".join(html.escape(name) + badge * simulated for name, simulated in sources)
 
         return pn.pane.HTML(
             pn.bind(text, session.param.pings, session.param.tfile),

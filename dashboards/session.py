@@ -20,7 +20,7 @@ from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
 from trackerlib.rangefiles.arrays import parse_arrays
 from trackerlib.rangefiles.tfile import TFileReading, parse_tfile
-from trackerlib.surveyfiles.profile_csv import parse_profile_csv
+from trackerlib.surveyfiles.profile_csv import SIMULATED, parse_profile_csv
 from trackerlib.surveyfiles.survey import parse_survey
 from trackerlib.textfiles import InputError, decode_lines, read_bytes
 
@@ -151,7 +151,10 @@ class Session(param.Parameterized):
         reading = parse_survey(
             decode_lines(content, name), name, hydrophone_depth_m=self.fix_settings.hydrophone_depth_m
         )
-        settings = replace(self.fix_settings, left_out=frozenset(), start=None)
+        profile = self.fix_settings.profile
+        if profile is not None and SIMULATED in profile.notes and not reading.pings.simulated:
+            profile = None  # the demo's water is not that of a real survey
+        settings = replace(self.fix_settings, profile=profile, left_out=frozenset(), start=None)
         self._past.clear()
         self._future.clear()
         self.param.update(

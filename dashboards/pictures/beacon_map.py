@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from bokeh.models import BoxSelectTool, ColorBar, ColumnDataSource, HoverTool, LinearColorMapper, Span
+from bokeh.models import (
+    ColorBar,
+    ColumnDataSource,
+    HoverTool,
+    Legend,
+    LegendItem,
+    LinearColorMapper,
+    Span,
+)
 from bokeh.plotting import figure
 
 from dashboards.palette import DIVERGING, ESTIMATE, REJECTED, SHIP, TRUTH
@@ -27,6 +35,22 @@ def style_legend(fig) -> None:
     """A small legend inside the picture; a click hides what it names."""
     for name, value in LEGEND.items():
         setattr(fig.legend, name, value)
+
+
+def legend_entry(fig, label: str, shown: list, **mark):
+    """A legend entry with a mark of its own; a click on it hides or shows the renderers it stands for.
+
+    The mark stands for itself because Bokeh draws the legend of a data-coloured renderer from its data,
+    and fails when these grow fewer or are none.
+    """
+    mark = fig.scatter([np.nan], [np.nan], **mark)
+    for renderer in shown:
+        mark.js_link("visible", renderer, "visible")
+    if not fig.legend:
+        fig.add_layout(Legend())
+    entry = LegendItem(label=label, renderers=[mark])
+    fig.legend[0].items.append(entry)
+    return entry
 
 
 class BeaconMap:
@@ -54,57 +78,29 @@ class BeaconMap:
 
     def _map(self, tile_address):
         fig, home = map_figure("beacon map", tile_address)
-        fig.line("x", "y", source=self.track, color=SHIP, line_width=1, legend_label="ship")
-        ink = {"field": "shade_ms", "transform": self.colour}
+        track = fig.line("x", "y", source=self.track, color=SHIP, line_width=1)
+        now = fig.scatter("x", "y", source=self.ship, marker="triangle", angle="angle", size=13, color=SHIP)
         points = fig.scatter(
             "x",
             "y",
             source=self.pings,
             size=6,
-            color=ink,
+            color={"field": "residual_ms", "transform": self.colour},
+            line_color=None,
             marker="kind",
-            name="pings",
             nonselection_fill_alpha=0.15,
             nonselection_line_alpha=0.15,
-            legend_label="ping",
         )
-        fig.add_tools(
-            HoverTool(
-                renderers=[points],
-                tooltips=[
-                    ("ping", "@number"),
-                    ("residual", "@residual_ms{0.00} ms"),
-                    ("UTC", "@utc"),
-                    ("", "@used"),
-                ],
-            )
+        tips = [("ping", "@number"), ("residual", "@residual_ms{0.00} ms"), ("UTC", "@utc"), ("", "@used")]
+        fig.add_tools(HoverTool(renderers=[points], tooltips=tips))
+        ring = fig.patch(
+            "x", "y", source=self.ellipse, fill_color=ESTIMATE, fill_alpha=0.15, line_color=ESTIMATE
         )
-        fig.scatter("x", "y", source=self.ship, marker="triangle", angle="angle", size=13, color=SHIP)
-        fig.patch("x", "y", source=self.ellipse, fill_color=ESTIMATE, fill_alpha=0.15, line_color=ESTIMATE)
-        fig.line("x", "y", source=self.hollow_ellipse, line_color=ESTIMATE, line_dash="dashed")
-        fig.scatter(
-            "x",
-            "y",
-            source=self.fix,
-            size=12,
-            line_color=ESTIMATE,
-            line_width=2,
-            fill_color=ESTIMATE,
-            fill_alpha="fill",
-            legend_label="fix, 95 % ellipse",
-            name="fix",
-        )
-        fig.scatter(
-            "x",
-            "y",
-            source=self.alternatives,
-            size=12,
-            line_color=ESTIMATE,
-            line_width=2,
-            fill_alpha=0,
-            legend_label="fits as well",
-        )
-        fig.text(
+        dashed = fig.line("x", "y", source=self.hollow_ellipse, line_color=ESTIMATE, line_dash="dashed")
+        strong = {"size": 12, "line_color": ESTIMATE, "line_width": 2, "fill_color": ESTIMATE}
+        place = fig.scatter("x", "y", source=self.fix, fill_alpha="fill", **strong)
+        others = fig.scatter("x", "y", source=self.alternatives, fill_alpha=0, **strong)
+        words = fig.text(
             "x",
             "y",
             text="label",
@@ -113,14 +109,13 @@ class BeaconMap:
             text_font_size="11px",
             text_color=ESTIMATE,
         )
-        self._truth_mark = fig.scatter(
-            "x",
-            "y",
-            source=self.truth,
-            marker="diamond",
-            size=14,
-            color=TRUTH,
-            legend_label="truth (simulated)",
+        truth = fig.scatter("x", "y", source=self.truth, marker="diamond", size=14, color=TRUTH)
+        legend_entry(fig, "ship", [track, now], marker="triangle", size=10, color=SHIP)
+        legend_entry(fig, "ping, by residual", [points], size=6, color=SHIP)
+        legend_entry(fig, "fix, 95 % ellipse", [place, ring, dashed], **strong)
+        legend_entry(fig, "fits as well", [others, words], fill_alpha=0, **strong)
+        self._truth_entry = legend_entry(
+            fig, "truth (simulated)", [truth], marker="diamond", size=14, color=TRUTH
         )
         bar = ColorBar(
             color_mapper=self.colour, title="ms", width=8, padding=4, major_label_text_font_size="10px"
@@ -187,7 +182,7 @@ class BeaconMap:
         if truth is not None:
             tx, ty = mercator(truth["lat_deg"], truth["lon_deg"])
             self.truth.data = {"x": [float(tx)], "y": [float(ty)]}
-        self._truth_mark.visible = truth is not None
+        self._truth_entry.visible = truth is not None
         self.history.data = {name: [] for name in self.history.data}
 
     def show_fix(self, pings: Pings, fix: BeaconFix) -> None:
@@ -211,6 +206,22 @@ class BeaconMap:
             "kind": np.where(used, "circle", "x"),
         }
         self._show_place(fix)
+        self._keep_in_sight(fix)
+
+    def _keep_in_sight(self, fix: BeaconFix) -> None:
+        """Widens the home box where an answer lies outside it."""
+        x = [*self.fix.data["x"], *self.alternatives.data["x"]]
+        y = [*self.fix.data["y"], *self.alternatives.data["y"]]
+        x0, x1, y0, y1 = self.home.tags
+        reach = 5 * max(x1 - x0, y1 - y0)  # a wild first guess must not shrink the survey to a dot
+        near = [k for k in range(len(x)) if abs(x[k] - x0) < reach and abs(y[k] - y0) < reach]
+        if any(not (x0 <= x[k] <= x1 and y0 <= y[k] <= y1) for k in near):
+            show_box(
+                self.home,
+                np.array([x0, x1, *(x[k] for k in near)]),
+                np.array([y0, y1, *(y[k] for k in near)]),
+                margin=0.05,
+            )
 
     def _show_place(self, fix: BeaconFix) -> None:
         full, hollow = {"x": [], "y": []}, {"x": [], "y": []}
@@ -235,19 +246,15 @@ class BeaconMap:
         }
 
     def add_history(self, fix: BeaconFix) -> None:
-        """One more fix at the end of the history, if it is believed."""
-        if not fix.converged or not len(fix.number):
-            return
-        self.history.stream(history_row(fix), rollover=5000)
+        """One more fix at the end of the history, if it is believed and later than the last one there."""
+        known = self.history.data["number"]
+        if fix.converged and (not len(known) or fix.number[-1] > known[-1]):
+            self.history.stream(history_row(fix), rollover=5000)
 
     def set_history(self, fixes: list[BeaconFix]) -> None:
         """The whole history at once."""
         rows = [history_row(fix) for fix in fixes if fix.converged]
         self.history.data = {name: [row[name][0] for row in rows] for name in self.history.data}
-
-    def select_tool(self):
-        """The map's box selection, for tests."""
-        return self.map.select_one(BoxSelectTool)
 
 
 def history_row(fix: BeaconFix) -> dict:

@@ -71,8 +71,8 @@ class BeaconTab(Tab):
             sizing_mode="stretch_width",
             margin=(0, 14),
         )
-        self.heard._debounce = 10
-        self.heard.param.watch(lambda event: self._hear(event.new), "value")
+        # Throttled: only the analyst's own hand sets it, while the replay moves the slider itself.
+        self.heard.param.watch(lambda event: self._hear(event.new), "value_throttled")
         self.sound_speed = number(
             "Sound speed (m/s)",
             settings.sound_speed_mps,
@@ -196,13 +196,15 @@ class BeaconTab(Tab):
             return
         if session.pings is not self._shown_pings or "truth" in changed:
             self._shown_pings = session.pings
+            self._profile = session.fix_settings.profile
             self.map.show_survey(session.pings, session.truth)
             if session.heard >= len(session.pings):
                 self._compute_history()
         self._show_controls()
         if session.fix is not None and changed & {"fix", "pings"}:
             self.map.show_fix(session.pings, session.fix)
-            self.map.add_history(session.fix)
+            if session.playing:
+                self.map.add_history(session.fix)
             self._show_answer(session.fix)
 
     def _show_controls(self) -> None:
@@ -283,7 +285,11 @@ class BeaconTab(Tab):
                 progress(count / len(pings), f"ping {count} of {len(pings)}")
             return fixes
 
-        self.session.jobs.start("Fix history", work, self.map.set_history)
+        def done(fixes):
+            if self.session.pings is pings:  # another survey may be open by now
+                self.map.set_history(fixes)
+
+        self.session.jobs.start("Fix history", work, done)
 
     def export(self):
         fix = self.session.fix

@@ -51,7 +51,8 @@ class TimingTab(Tab):
         self.fit_all.on_click(lambda event: self._fit_all())
         self.table = pn.widgets.Tabulator(
             disabled=True, show_index=False, pagination="local", page_size=12, sizing_mode="stretch_width",
-            visible=False, theme="simple", configuration={"columnDefaults": {"headerSort": True}}, margin=(6, 8), stylesheets=[TABLE],
+            visible=False, theme="simple", configuration={"columnDefaults": {"headerSort": True}}, margin=(6, 8),
+            stylesheets=[TABLE],
         )  # fmt: skip
         self._answers: list[dict] = []
 

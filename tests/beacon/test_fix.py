@@ -148,6 +148,14 @@ def test_one_straight_leg_gives_both_sides(side):
     assert fix.closest_slant_range_m == pytest.approx(1500, abs=40)
 
 
+def test_a_short_straight_leg_does_not_even_tell_the_distance():
+    fix = fix_beacon(survey(((75, 200),), BEACON, USUAL, interval_s=4.0), FixSettings(gps_rms_m=3.0))
+    assert not fix.converged
+    assert "too short yet to tell even the distance" in fix.reason
+    assert fix.alternatives == ()
+    assert fix.closest_slant_range_m is None
+
+
 def test_a_mirror_solution_that_fits_as_well_is_shown():
     # A line with one slight bend: both sides are definite places now, and fit within the noise.
     legs = ((75, 3000), (84, 3000))

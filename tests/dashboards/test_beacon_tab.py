@@ -24,7 +24,8 @@ def tab(monkeypatch):
 
 
 def hear(tab, count):
-    tab.heard.value = count
+    """What the slider sends when it is let go."""
+    tab._hear(count)
 
 
 def test_the_demo_is_fixed_and_drawn_filled_with_its_ellipse(tab):
@@ -176,3 +177,29 @@ def test_words_are_escaped(tab):
     evil = replace(tab.session.fix, converged=False, reason="<script>alert(1)</script>")
     assert "<script>" not in sentence(evil)
     assert "<table>" in table(evil)
+
+
+SURVEY = b"lat_deg,lon_deg,oneway_s\n" + b"".join(b"%.4f,20,2.%d\n" % (10 + k / 1000, k) for k in range(9))
+
+
+def test_a_real_survey_does_not_inherit_the_demos_water(tab):
+    assert tab.session.fix_settings.profile is not None
+    tab.session.open_file("real.csv", SURVEY)
+    assert tab.session.fix_settings.profile is None
+    assert not tab.use_profile.value
+    assert tab.use_profile.disabled
+    assert tab.session.truth is None
+
+
+def test_a_history_of_a_survey_no_longer_open_is_not_drawn(tab):
+    tab._compute_history()
+    tab.session.open_file("real.csv", SURVEY)
+    assert all(count <= 9 for count in tab.map.history.data["number"])
+
+
+def test_the_home_box_grows_to_hold_both_mirror_solutions(tab):
+    hear(tab, 300)
+    x0, x1, y0, y1 = tab.map.home.tags
+    for x, y in zip(tab.map.alternatives.data["x"], tab.map.alternatives.data["y"], strict=True):
+        assert x0 <= x <= x1
+        assert y0 <= y <= y1

@@ -23,6 +23,7 @@ from trackerlib.beacon.minimise import (
     starts,
 )
 from trackerlib.beacon.observability import (
+    UNSEEN_SHARE,
     StraightTrack,
     Unobservable,
     straight_track,
@@ -40,6 +41,7 @@ from trackerlib.beacon.uncertainty import (
     uncertainty_of,
 )
 from trackerlib.frames import LocalFrame
+from trackerlib.residuals import residual_correlation
 from trackerlib.rounding import value_with_sigma
 
 SEARCH_PINGS = 300  # the search looks at no more pings than this, evenly chosen; the fix at all
@@ -372,6 +374,11 @@ class _Attempt:
         closest = np.linalg.norm(offsets - along_each[:, None] * track.along, axis=1)
         first = (self.problem.ship[0] - track.centre) @ track.along
         unseen = unseen_beside_line(track)
+        if not self._distance_known(
+            lowest, np.array([track.along, slopes[pair.index(lowest)]]), float(closest.min())
+        ):
+            why = f"{unseen[0].why}; the line is too short yet to tell even the distance, so sail on as well"
+            return replace(self.blank, reason=why, unobservable=unseen)
         return replace(
             self._describe(lowest),
             reason=unseen[0].why,
@@ -385,6 +392,16 @@ class _Attempt:
             along_track_m=float(along_each.mean() - first),
             closest_slant_range_m=float(closest.mean()),
         )
+
+    def _distance_known(self, candidate: _Candidate, axes: np.ndarray, distance_m: float) -> bool:
+        """Whether the pings bend enough along a straight track to tell the distance from it."""
+        misfit = self.problem.eliminate(candidate.position[None], self._weight(candidate))
+        variance = misfit.sum_of_squares[0] / max(candidate.keep.sum() - self.problem.unknowns, 1)
+        variance = max(variance, self.problem.time_sigma_s**2)
+        correlation = residual_correlation(misfit.residual[0][candidate.keep])
+        sigma = np.sqrt(variance * correlation.length * np.linalg.pinv(misfit.normal_matrix(axes)[0])[1, 1])
+        inside = self.problem.region.edge(candidate.position) is None
+        return bool(inside and sigma < UNSEEN_SHARE * distance_m)
 
     def _below_line(self, track: StraightTrack, down: np.ndarray) -> np.ndarray:
         """The best place (3,) in the vertical plane through a straight track, along straight paths."""

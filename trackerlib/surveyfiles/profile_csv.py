@@ -10,6 +10,8 @@ import numpy as np
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.textfiles import InputError, read_lines
 
+SIMULATED = "simulated"  # note of a profile whose file says so in a comment
+
 
 def read_profile_csv(path: str | Path) -> SoundSpeedProfile:
     """The profile in a CSV file, in metres; speed is linear between its depths.
@@ -49,7 +51,9 @@ def parse_profile_csv(lines: list[str], name: str) -> SoundSpeedProfile:
         raise InputError(
             f"{name}: found {len(depths)} levels, wanted at least two rows of depth_m, speed_mps"
         )
-    return SoundSpeedProfile(np.array(depths), np.array(speeds), unit="m", name=name)
+    simulated = any("simulated" in line.lower() for line in lines if line.lstrip().startswith("#"))
+    notes = (SIMULATED,) if simulated else ()
+    return SoundSpeedProfile(np.array(depths), np.array(speeds), unit="m", name=name, notes=notes)
 
 
 def _level(cells: list[str], order: tuple[int, int], where: str) -> tuple[float, float]:
