@@ -183,10 +183,15 @@ class Workbench:
             return
         key = _session_key()
         pn.state.cache[key] = self.session
+        self.session.jobs.document = document
 
         def ended(context) -> None:
             pn.state.cache.pop(key, None)
             self.session.jobs.cancel()
+            # Panel 1.9.4 keeps the notification area of every page it ever served, and its document with it.
+            for ref, view in list(pn.state._views.items()):
+                if view[2] is document:
+                    del pn.state._views[ref]
 
         document.on_session_destroyed(ended)
         document.add_periodic_callback(self._tick, TICK_MS)

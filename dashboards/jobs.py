@@ -8,8 +8,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
-import panel as pn
-
 log = logging.getLogger("workbench")
 
 # Kernels let go of Python's lock, so two threads are enough for all sessions of two cores.
@@ -45,6 +43,9 @@ class Jobs:
     Without a served document (tests, notebooks without a server) everything runs at once, in line.
     """
 
+    # The page's own, told once: asked for later, another page's may be the current one.
+    document = None
+
     def __init__(self, on_state: Callable[[str, float, str], None], on_error: Callable[[Exception], None]):
         self._on_state = on_state  # purpose ("" when idle), share done, text
         self._on_error = on_error
@@ -64,13 +65,12 @@ class Jobs:
 
     def start(self, purpose: str, work: Callable[[Progress], object], done: Callable[[object], None]) -> None:
         """Runs some work for a purpose; see the class."""
-        document = pn.state.curdoc
-        if document is None or document.session_context is None:
+        if self.document is None:
             self._in_line(purpose, work, done)
         elif purpose in self._running:
             self._waiting[purpose] = (work, done)
         else:
-            self._in_thread(document, purpose, work, done)
+            self._in_thread(self.document, purpose, work, done)
 
     def _in_line(self, purpose, work, done) -> None:
         self._running[purpose] = Progress(lambda share, text: self._on_state(purpose, share, text))

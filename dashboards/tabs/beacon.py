@@ -386,4 +386,4 @@ def position_texts(fix: BeaconFix) -> dict[str, str]:
     }
 
 
-alone(BeaconTab)
+alone(__name__, "dashboards.tabs.beacon:BeaconTab")

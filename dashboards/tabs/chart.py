@@ -195,4 +195,4 @@ class ChartTab(Tab):
         return "arrivals.csv", label + head + "".join(rows)
 
 
-alone(ChartTab)
+alone(__name__, "dashboards.tabs.chart:ChartTab")

@@ -332,4 +332,4 @@ def _select(label: str, tip: str):
     )
 
 
-alone(CrossoverTab)
+alone(__name__, "dashboards.tabs.crossover:CrossoverTab")

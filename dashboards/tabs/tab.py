@@ -20,7 +20,8 @@ InputError for what the analyst can mend. Work of more than 100 ms goes through
 `self.session.jobs.start(purpose, work, done)`; edits that Undo should take back through
 `self.session.edit(name=value)`. Never watch an object that outlives the session.
 
-Served alone a tab's file ends with `alone(TimingTab)`; in a notebook `TimingTab()` shows itself.
+Served alone: a tab's file ends with `alone(__name__, "dashboards.tabs.timing:TimingTab")`. In a notebook
+`TimingTab()` shows itself.
 """
 
 from __future__ import annotations
@@ -167,9 +168,13 @@ def heading(text: str):
     return pmui.Typography(text, variant="overline", margin=(6, 8, 0, 8))
 
 
-def alone(tab_class: type[Tab]) -> None:
-    """Serves a tab by itself when its file is given to `panel serve`; does nothing when imported."""
-    from dashboards.frame import serve_page
+def alone(name: str, tab: str) -> None:
+    """Serves a tab by itself when its file is given to `panel serve`; does nothing when it is imported.
 
-    if pn.state.served:
-        serve_page([tab_class])
+    name : the file's __name__
+    tab : where the class is imported from, such as "dashboards.tabs.timing:TimingTab"
+    """
+    if name.startswith("bokeh_app"):
+        from dashboards.frame import serve_page
+
+        serve_page([tab])

@@ -280,4 +280,4 @@ def numbers(correction: TimingCorrection) -> str:
     return f"<table>{cells}</table><div style='opacity:.75'>gaps: downrange, crossrange, vertical</div>"
 
 
-alone(TimingTab)
+alone(__name__, "dashboards.tabs.timing:TimingTab")
