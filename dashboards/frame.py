@@ -97,6 +97,16 @@ def _session_key() -> str:
     return f"session-{id(document)}"
 
 
+def _forget(document, page) -> None:
+    """Lets go of a closed page what Panel 1.9.4 keeps for ever: its notification area and its busy light."""
+    for ref, view in list(pn.state._views.items()):
+        if view[2] is document:
+            del pn.state._views[ref]
+    for watcher in list(pn.state.param.watchers.get("busy", {}).get("value", ())):
+        if getattr(getattr(watcher.fn, "__self__", None), "self", None) is page:
+            pn.state.param.unwatch(watcher)
+
+
 def serve_page(tabs=TABS) -> None:
     """Builds the page and makes it what is served, or serves the reason why it cannot be built, in words."""
     guard.install()
@@ -159,7 +169,6 @@ class Workbench:
 
     def page(self):
         """The whole page, with its demo data open and its first tab drawn."""
-        self._join_document()
         main = pn.Column(
             pn.Row(
                 self._menu(), pn.HSpacer(), self._badge(), sizing_mode="stretch_width", margin=0, height=38
@@ -173,11 +182,12 @@ class Workbench:
             margin=0,
         )
         page = pmui.Page(title=NAME, main=[main], theme_config=THEME)
+        self._join_document(page)
         self._open_demos()
         self._show()
         return page
 
-    def _join_document(self) -> None:
+    def _join_document(self, page) -> None:
         document = pn.state.curdoc
         if document is None or document.session_context is None:
             return
@@ -188,10 +198,7 @@ class Workbench:
         def ended(context) -> None:
             pn.state.cache.pop(key, None)
             self.session.jobs.cancel()
-            # Panel 1.9.4 keeps the notification area of every page it ever served, and its document with it.
-            for ref, view in list(pn.state._views.items()):
-                if view[2] is document:
-                    del pn.state._views[ref]
+            _forget(document, page)
 
         document.on_session_destroyed(ended)
         document.add_periodic_callback(self._tick, TICK_MS)
