@@ -1,0 +1,142 @@
+"""The session that tabs share: opening, undo, replay, saving. No server."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from dashboards.session import UPLOAD_LIMIT_MB, Session, kind_of
+from trackerlib.textfiles import InputError
+
+
+@pytest.fixture
+def hunt():
+    session = Session()
+    session.open_beacon_demo()
+    return session
+
+
+@pytest.fixture
+def range_run():
+    session = Session()
+    session.open_range_demo()
+    return session
+
+
+@pytest.mark.parametrize(
+    ("path", "kind"),
+    [
+        ("beacon-demo/survey.csv", "survey"),
+        ("beacon-demo/soundspeed.csv", "profile"),
+        ("range-demo/tfile.dat", "tfile"),
+        ("range-demo/arrays.csv", "arrays"),
+    ],
+)
+def test_the_kind_of_a_file_is_seen_from_it(data, path, kind):
+    assert kind_of((data / path).read_text().splitlines()) == kind
+
+
+def test_the_kind_of_a_saved_session(hunt):
+    assert kind_of(hunt.to_json().splitlines()) == "session"
+
+
+def test_what_no_reader_reads_is_refused_in_words_and_changes_nothing(hunt):
+    pings = hunt.pings
+    unreadable = (b"", b"\x89PNG\r\n\x1a\n\x00", b"a shopping list\nbread\n")
+    for content in (*unreadable, b'{"workbench_session": 1, "mode": "x"}'):
+        with pytest.raises(InputError, match=r"^mine"):
+            hunt.open_file("mine", content)
+    assert hunt.pings is pings
+    assert hunt.mode == 7
+
+
+def test_an_upload_over_the_limit_is_refused_with_the_limit():
+    class Huge(bytes):
+        def __len__(self):
+            return UPLOAD_LIMIT_MB * 1_000_000 + 1
+
+    with pytest.raises(InputError, match=f"at most {UPLOAD_LIMIT_MB} MB"):
+        Session().open_file("huge.dat", Huge())
+
+
+def test_simulated_data_are_known_as_such(hunt, range_run):
+    assert hunt.simulated
+    assert range_run.simulated
+    assert not Session().simulated
+
+
+def test_undo_and_redo_take_back_and_repeat_edits(hunt):
+    first = hunt.fix_settings
+    hunt.edit(fix_settings=replace(first, left_out=frozenset({3})))
+    hunt.edit(fix_settings=replace(first, left_out=frozenset({3, 4})))
+    assert not hunt.fix.used[[2, 3]].any()
+    hunt.undo()
+    assert hunt.fix_settings.left_out == {3}
+    hunt.undo()
+    assert hunt.fix_settings is first
+    hunt.undo()
+    assert hunt.message == "Nothing to undo"
+    hunt.redo()
+    hunt.redo()
+    assert hunt.fix_settings.left_out == {3, 4}
+    hunt.redo()
+    assert hunt.message == "Nothing to redo"
+
+
+def test_an_edit_forgets_what_was_taken_back(hunt):
+    first = hunt.fix_settings
+    hunt.edit(fix_settings=replace(first, left_out=frozenset({3})))
+    hunt.undo()
+    hunt.edit(fix_settings=replace(first, left_out=frozenset({9})))
+    hunt.redo()
+    assert hunt.fix_settings.left_out == {9}
+
+
+def test_the_replay_hears_pings_at_their_times(hunt):
+    hunt.param.update(heard=0, speed=20)
+    hunt.play()
+    hunt.tick(1.0)
+    elapsed = hunt.pings.elapsed_s
+    assert hunt.heard == int((elapsed <= 20.0).sum())
+    hunt.play()
+    heard = hunt.heard
+    hunt.tick(1.0)
+    assert hunt.heard == heard
+    hunt.speed = 1000
+    hunt.play()
+    for _ in range(int(elapsed[-1] / 1000) + 2):
+        hunt.tick(1.0)
+    assert hunt.heard == len(hunt.pings)
+    assert not hunt.playing
+
+
+def test_a_saved_session_brings_its_settings_back(hunt, range_run):
+    for session in (hunt, range_run):
+        session.param.update(max_slant_range_ft=4500.0, mode=2)
+    hunt.edit(fix_settings=replace(hunt.fix_settings, left_out=frozenset({5}), max_range_m=4321.0))
+    saved = hunt.to_json().encode()
+    other = Session()
+    other.open_beacon_demo()
+    other.open_file("saved.json", saved)
+    assert (other.max_slant_range_ft, other.mode) == (4500.0, 2)
+    assert (other.fix_settings.left_out, other.fix_settings.max_range_m) == (frozenset({5}), 4321.0)
+    assert json.loads(other.to_json())["fix_settings"] == json.loads(saved)["fix_settings"]
+
+
+def test_the_chosen_set_comes_back(range_run):
+    chosen = range_run.gating.sets[-1]
+    range_run.crossover = chosen
+    saved = range_run.to_json().encode()
+    other = Session()
+    other.open_range_demo()
+    other.open_file("saved.json", saved)
+    assert (other.crossover.pair, other.crossover.pass_number) == (chosen.pair, chosen.pass_number)
+
+
+def test_gating_anew_keeps_the_chosen_set_where_it_can(range_run):
+    chosen = range_run.gating.sets[1]
+    range_run.crossover = chosen
+    range_run.max_slant_range_ft = range_run.max_slant_range_ft - 1
+    assert (range_run.crossover.pair, range_run.crossover.pass_number) == (chosen.pair, chosen.pass_number)
