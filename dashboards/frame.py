@@ -97,14 +97,19 @@ def _session_key() -> str:
     return f"session-{id(document)}"
 
 
-def _forget(document, page) -> None:
-    """Lets go of a closed page what Panel 1.9.4 keeps for ever: its notification area and its busy light."""
+def _forget(document) -> None:
+    """Lets go of the notification area of a closed page, which Panel 1.9.4 would keep for ever."""
     for ref, view in list(pn.state._views.items()):
         if view[2] is document:
             del pn.state._views[ref]
+
+
+def _without_busy_light(page):
+    """The page, no longer following Panel's own busy state: that sends messages at every event and is never undone."""
     for watcher in list(pn.state.param.watchers.get("busy", {}).get("value", ())):
         if getattr(getattr(watcher.fn, "__self__", None), "self", None) is page:
             pn.state.param.unwatch(watcher)
+    return page
 
 
 def serve_page(tabs=TABS) -> None:
@@ -169,6 +174,7 @@ class Workbench:
 
     def page(self):
         """The whole page, with its demo data open and its first tab drawn."""
+        self._join_document()
         main = pn.Column(
             pn.Row(
                 self._menu(), pn.HSpacer(), self._badge(), sizing_mode="stretch_width", margin=0, height=38
@@ -181,13 +187,14 @@ class Workbench:
             sizing_mode="stretch_both",
             margin=0,
         )
-        page = pmui.Page(title=NAME, main=[main], theme_config=THEME)
-        self._join_document(page)
+        page = _without_busy_light(
+            pmui.Page(title=NAME, main=[main], theme_config=THEME, busy_indicator=None)
+        )
         self._open_demos()
         self._show()
         return page
 
-    def _join_document(self, page) -> None:
+    def _join_document(self) -> None:
         document = pn.state.curdoc
         if document is None or document.session_context is None:
             return
@@ -198,7 +205,7 @@ class Workbench:
         def ended(context) -> None:
             pn.state.cache.pop(key, None)
             self.session.jobs.cancel()
-            _forget(document, page)
+            _forget(document)
 
         document.on_session_destroyed(ended)
         document.add_periodic_callback(self._tick, TICK_MS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -35,14 +34,3 @@ def shared() -> Path:
 def real_surveys(shared) -> Path:
     """Real acoustic surveys with published answers."""
     return shared / "realdata"
-
-
-@pytest.fixture(scope="session")
-def chromium() -> str:
-    """Path of a Chromium; fails, saying how to get one, where there is none."""
-    found = subprocess.run(
-        ["sh", str(ROOT / "tests/find_chromium.sh")], capture_output=True, text=True, check=False
-    )
-    if found.returncode:
-        pytest.fail(found.stderr)
-    return found.stdout.strip()

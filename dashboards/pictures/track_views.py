@@ -21,6 +21,8 @@ REPORTED = "as reported"
 VERSIONS = (("x", FIRST_ARRAY, "first array", "circle"), ("y", SECOND_ARRAY, "second array", "square"))
 # What a point left out changes: its word, and for either version its mark and its colour.
 LOOK_COLUMNS = ("used", "markx", "marky", "inkx", "inky")
+# What sliders move is painted over the rest, by itself: Bokeh then leaves axes and grids as they are.
+MOVING = "overlay"
 
 
 class TrackViews:
@@ -46,7 +48,12 @@ class TrackViews:
         )
         self.home = equal_scale(self.plan)
         self.side = self._view(
-            "side", "distance along the course (ft)", "vertical (ft)", "s2", y_range=Range1d(-1000, 0)
+            "side",
+            "distance along the course (ft)",
+            "vertical (ft)",
+            "s2",
+            x_range=Range1d(0, 1000),
+            y_range=Range1d(-1000, 0),
         )
         self.side.legend.visible = False  # the plan's says it
         self.gap = self._gap()
@@ -85,6 +92,7 @@ class TrackViews:
                 marker=f"mark{letter}",
                 legend_label=label,
                 nonselection_alpha=0.15,
+                level=MOVING,
             )
             where = f"@{letter}0{{0.0}}, @{letter}1{{0.0}}, @{letter}2{{0.0}} ft"
             tips = [("count", "@count"), (label, where), ("", "@used")]
@@ -104,6 +112,7 @@ class TrackViews:
             active_scroll="xwheel_zoom",
             x_axis_label="point count",
             y_axis_label="first minus second (ft)",
+            x_range=Range1d(0, 1000),
             y_range=Range1d(-10, 10),
         )
         for column, label, colour in zip(GAP_COLUMNS, AXIS_NAMES, COMPONENTS, strict=True):
@@ -116,6 +125,7 @@ class TrackViews:
                 line_color=None,
                 legend_label=label,
                 nonselection_fill_alpha=0.15,
+                level=MOVING,
             )
             tips = [("count", "@count"), (label, f"@{column}{{0.0}} ft"), ("", "@used")]
             fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
@@ -201,13 +211,19 @@ class TrackViews:
             float(v)
             for v in (middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1])
         ]
+        along = distance_along(crossover.x[near], self._centre, self._course)
+        _set_range(self.side.x_range, along, room=0.05)
+        _set_range(self.gap.x_range, crossover.point_count, room=0.03)
         _set_range(self.gap.y_range, np.append(crossover.gap[near].ravel(), 0.0))
         _set_range(self.side.y_range, np.concatenate([crossover.x[near], crossover.y[near]])[:, 2])
 
 
-def _set_range(axis: Range1d, values: np.ndarray) -> None:
-    """Frames some values, now and after a reset, with room for a track that is corrected by a few ms."""
-    margin = 0.2 * np.ptp(values) + 5.0
+def _set_range(axis: Range1d, values: np.ndarray, room: float = 0.2) -> None:
+    """Frames some values, now and after a reset, with room for a track that is corrected by a few ms.
+
+    Fixed frames: one that followed the points would paint each view twice while a slider is dragged.
+    """
+    margin = room * np.ptp(values) + 5.0
     low, high = float(values.min() - margin), float(values.max() + margin)
     axis.update(start=low, end=high, reset_start=low, reset_end=high)
 

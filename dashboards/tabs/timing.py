@@ -229,7 +229,7 @@ def _slider(label: str, limit: float, step: float, digits: str):
         label=label, value=0.0, start=-limit, end=limit, step=step, format=digits, size="small",
         sizing_mode="stretch_width", margin=(2, 12),
     )  # fmt: skip
-    slider._debounce = 10
+    slider._debounce = 1  # ms that Panel waits for further changes, 50 unless told
     return slider
 
 

@@ -36,6 +36,15 @@ class Served:
             return error.code, dict(error.headers), error.read().decode(errors="replace")
 
 
+def find_chromium() -> str:
+    """Path of a Chromium; raises RuntimeError, saying how to get one, where there is none."""
+    script = str(ROOT / "tests/find_chromium.sh")
+    found = subprocess.run(["sh", script], capture_output=True, text=True, check=False)
+    if found.returncode:
+        raise RuntimeError(found.stderr)
+    return found.stdout.strip()
+
+
 def free_port() -> int:
     """A port nobody listens on."""
     with socket.socket() as one:

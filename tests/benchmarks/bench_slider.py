@@ -1,0 +1,134 @@
+"""From a drag of the Timing tab's offset slider to its three painted views, against a HoloViews DynamicMap.
+
+Times run in a real browser from the pointer's event to the end of the frame in which all three views show
+that position of the slider or a newer one.
+
+.venv/bin/python tests/benchmarks/bench_slider.py
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from playwright.sync_api import sync_playwright
+
+TESTS = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(TESTS / "dashboards"))
+from served import find_chromium, serving  # noqa: E402
+
+STEPS, EVERY_S, LIMIT_MS = 120, 0.016, 150
+IDLE = "window.Bokeh && Bokeh.documents.length && Bokeh.documents.every(d => d.is_idle)"
+
+# Notes every value that the slider's thumb takes, with its pointer event's time, and every painted frame.
+STAMPS = """() => {
+  const S = window.stamps = {inputs: [], paints: []};
+  let event = 0, painted = [];
+  addEventListener('pointermove', e => { event = e.timeStamp; }, true);
+  addEventListener('mousemove', e => { event = e.timeStamp; }, true);
+  const deep = root => [...root.querySelectorAll('*')].flatMap(
+    one => [one, ...(one.shadowRoot ? deep(one.shadowRoot) : [])]);
+  const thumb = deep(document).find(one => one.matches('input[type=range]') && one.offsetParent !== null
+    && Number(one.min) === -10);
+  new MutationObserver(() => S.inputs.push([Number(thumb.getAttribute('aria-valuenow')), event]))
+    .observe(thumb, {attributes: true, attributeFilter: ['aria-valuenow']});
+  const after = new MessageChannel();
+  after.port1.onmessage = () => {
+    for (const [id, gap] of painted.splice(0)) S.paints.push([id, gap, performance.now()]);
+  };
+  const views = [];
+  const walk = view => { views.push(view); for (const child of view.children?.() ?? []) walk(child); };
+  for (const root of Bokeh.index) walk(root);
+  let type = Object.getPrototypeOf(views.find(view => view._actual_paint));
+  while (!Object.hasOwn(type, '_actual_paint')) type = Object.getPrototypeOf(type);
+  const paint = type._actual_paint;
+  type._actual_paint = function () {
+    paint.call(this);
+    for (const one of this.model.renderers) {
+      const gap = one.data_source?.data.get?.('gap0') ?? one.data_source?.data.gap0;
+      if (gap?.length) { painted.push([this.model.id, gap[0]]); after.port2.postMessage(0); break; }
+    }
+  };
+}"""
+
+
+def drag(page) -> dict:
+    """Drags the offset slider across its range; the stamps of that."""
+    thumb = page.locator(".MuiSlider-thumb:visible").first.bounding_box()
+    track = page.locator(".MuiSlider-root:visible").first.bounding_box()
+    y = thumb["y"] + thumb["height"] / 2
+    page.mouse.move(thumb["x"] + thumb["width"] / 2, y)
+    page.mouse.down()
+    begin = time.time()
+    for k in range(STEPS):
+        page.mouse.move(track["x"] + track["width"] * (0.05 + 0.9 * k / STEPS), y)
+        time.sleep(max(begin + (k + 1) * EVERY_S - time.time(), 0))
+    page.mouse.up()
+    page.wait_for_timeout(2000)
+    return page.evaluate("window.stamps")
+
+
+def latencies_ms(stamps: dict) -> np.ndarray:
+    """Milliseconds from each position of the slider to its picture, or a newer one, in every view.
+
+    The gap at the first point is a straight line of the offset: its first and last values say which one.
+    """
+    values, times = np.array(stamps["inputs"]).T
+    views = sorted({view for view, _, _ in stamps["paints"]})
+    seen = np.full((len(views), len(values)), np.inf)
+    gaps = np.array([gap for _, gap, _ in stamps["paints"]])
+    ends = gaps[-1], values[-1]
+    slope = (gaps[-1] - gaps[0]) / (values[-1] - values[0])
+    for view, gap, when in stamps["paints"]:
+        offset = ends[1] + (gap - ends[0]) / slope
+        shown = int(np.argmin(np.abs(values - offset)))
+        row = seen[views.index(view)]
+        row[: shown + 1] = np.minimum(row[: shown + 1], np.where(times[: shown + 1] <= when, when, np.inf))
+    return np.max(seen, axis=0) - times
+
+
+def measure(browser, url: str, tab: str | None) -> np.ndarray:
+    """Latencies on a served page, over three drags."""
+    found = []
+    for _ in range(3):
+        page = browser.new_page(viewport={"width": 1366, "height": 768})
+        page.goto(url)
+        page.wait_for_function(IDLE, timeout=60_000)
+        if tab:
+            page.get_by_role("tab", name=tab, exact=True).click()
+        page.wait_for_timeout(4000)
+        page.evaluate(STAMPS)
+        found.append(latencies_ms(drag(page)))
+        page.close()
+    return np.concatenate(found)
+
+
+def main() -> None:
+    """Prints 50th and 95th percentiles of both and their ratio."""
+    peer_app = str(TESTS / "benchmarks" / "peer_dynamicmap.py")
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        serving(Path(folder) / "ours") as ours,
+        serving(
+            Path(folder) / "peer", "--address", "127.0.0.1",
+            command=("-m", "panel", "serve", peer_app), page="peer_dynamicmap",
+        ) as peer,
+        sync_playwright() as playwright,
+    ):  # fmt: skip
+        browser = playwright.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
+        results = {
+            "Timing tab": measure(browser, ours.url, "Timing"),
+            "HoloViews DynamicMap": measure(browser, peer.url, None),
+        }
+    for name, found in results.items():
+        p50, p95 = np.percentile(found, [50, 95])
+        print(f"{name:22} slider to picture p50 {p50:.0f} ms, p95 {p95:.0f} ms ({len(found)} positions)")
+    ratio = np.percentile(results["HoloViews DynamicMap"], 95) / np.percentile(results["Timing tab"], 95)
+    print(f"peer / ours at p95: {ratio:.1f}; wanted at most {LIMIT_MS} ms")
+
+
+if __name__ == "__main__":
+    main()
