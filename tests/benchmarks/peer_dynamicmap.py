@@ -19,7 +19,7 @@ crossover = session.crossover
 stretch = stretches(crossover, session.survey, session.profile)
 t0 = float(np.mean(crossover.point_count))
 slider = pmui.FloatSlider(label="Offset (ms)", start=-10, end=10, step=0.001, value=0.0)
-slider._debounce = 1
+slider._debounce = 10
 
 
 def view(horizontal, vertical):
