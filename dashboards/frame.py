@@ -336,7 +336,7 @@ class Workbench:
             },
             sizing_mode="stretch_width",
         )
-        return pn.Row(line, bar, cancel, sizing_mode="stretch_width", height=30, margin=0)
+        return pn.Row(line, bar, cancel, sizing_mode="stretch_width", height=34, margin=0)
 
     def _open_dialog(self):
         dropper = pn.widgets.FileDropper(

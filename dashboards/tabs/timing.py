@@ -34,7 +34,7 @@ class TimingTab(Tab):
         self.words = pn.pane.HTML(sizing_mode="stretch_width", margin=(6, 10), styles={"font-size": "14px"})
         self.numbers = pn.pane.HTML(sizing_mode="stretch_width", margin=(0, 10), styles={"font-size": "13px"})
         self.chosen = pmui.Select(
-            label="Set", options=[], size="small", sizing_mode="stretch_width", margin=(5, 8)
+            label="Set", options=[], size="small", sizing_mode="stretch_width", margin=(10, 8, 5, 8)
         )
         self.chosen.param.watch(lambda event: self._choose(event.new), "value")
         self.offset_ms = _slider("Offset (ms)", OFFSET_LIMIT_MS, 0.001, "0.000")
