@@ -42,7 +42,11 @@ import numba  # noqa: E402
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 # Modules that hold kernels; importing one registers its warm-up.
-KERNEL_MODULES: tuple[str, ...] = ("trackerlib.acoustics.rays", "trackerlib.beacon.uncertainty")
+KERNEL_MODULES: tuple[str, ...] = (
+    "trackerlib.acoustics.rays",
+    "trackerlib.beacon.uncertainty",
+    "trackerlib.beacon.squared_range",
+)
 
 _warm_ups: list[Callable[[], object]] = []
 

@@ -1,0 +1,104 @@
+"""Squared-range fixes: exact without noise, unchanged by what does not matter, refused where nothing can be seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trackerlib.beacon.squared_range import fix_squared_range
+from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS, sail_hexagon
+
+
+def survey(scenario, receptions=601):
+    points = sail_hexagon(SCENARIOS[scenario], receptions)
+    return points, points.ship[None].copy(), points.range_m[None] + 700.0
+
+
+@pytest.mark.parametrize("scenario", [1, 2, 3, 4, 5, 6])
+def test_without_noise_the_truth_comes_back(scenario):
+    points, ship, ranges = survey(scenario)
+    moving = points.scenario.moving
+    fixes = fix_squared_range(ship, ranges, points.emitted_s, 1e-4, 1e-4, moving=moving)
+    assert fixes.converged.all()
+    keep = [0, 1, 2, 4, 5, 6] if moving else [0, 1, 2]
+    assert fixes.estimate[0, keep] == pytest.approx(points.truth, abs=2e-3)
+    assert fixes.estimate[0, 3] == pytest.approx(700.0, abs=2e-3)
+
+
+def noisy(scenario, seed=3):
+    points, ship, ranges = survey(scenario)
+    rng = np.random.default_rng(seed)
+    ship[..., :2] += rng.normal(0, 5, ship[..., :2].shape)
+    return points, ship, ranges + rng.normal(0, 0.4, ranges.shape)
+
+
+@pytest.mark.parametrize("scenario", [2, 5])
+def test_a_shift_of_place_or_of_time_shifts_the_answer_and_nothing_else(scenario):
+    points, ship, ranges = noisy(scenario)
+    moving = points.scenario.moving
+    one = fix_squared_range(ship, ranges, points.emitted_s, 5, 0.4, moving=moving)
+    other = fix_squared_range(
+        ship + np.array([3e3, -2e3, 40.0]),
+        ranges + 5 * SOUND_SPEED_MPS,
+        points.emitted_s,
+        5,
+        0.4,
+        moving=moving,
+    )
+    moved = np.zeros(one.estimate.shape[1])
+    moved[:4] = 3e3, -2e3, 40.0, 5 * SOUND_SPEED_MPS
+    assert other.estimate[0] == pytest.approx(one.estimate[0] + moved, abs=1e-4)
+    assert other.covariance[0] == pytest.approx(one.covariance[0], rel=1e-5, abs=1e-9)
+
+
+def test_a_turn_of_the_axes_turns_the_answer():
+    points, ship, ranges = noisy(1)
+    turned = ship.copy()
+    turned[..., 0], turned[..., 1] = -ship[..., 1], ship[..., 0]
+    one, other = (fix_squared_range(s, ranges, points.emitted_s, 5, 0.4).estimate[0] for s in (ship, turned))
+    assert other == pytest.approx([-one[1], one[0], one[2], one[3]], abs=1e-5)
+
+
+def test_a_beacon_has_the_same_place_alone_and_among_others():
+    points, ship, ranges = noisy(3)
+    _, ship2, ranges2 = noisy(3, seed=4)
+    alone = fix_squared_range(ship2, ranges2, points.emitted_s, 5, 0.4)
+    both = fix_squared_range(
+        np.concatenate([ship, ship2]), np.concatenate([ranges, ranges2]), points.emitted_s, 5, 0.4
+    )
+    assert np.array_equal(both.estimate[1], alone.estimate[0])
+
+
+def test_a_covariance_is_symmetric_and_positive():
+    points, ship, ranges = noisy(6)
+    fixes = fix_squared_range(ship, ranges, points.emitted_s, 5, 0.4, moving=True)
+    assert fixes.covariance[0] == pytest.approx(fixes.covariance[0].T, rel=1e-8)
+    assert (np.linalg.eigvalsh(fixes.covariance[0]) > 0).all()
+
+
+@pytest.mark.parametrize(
+    "ship",
+    [
+        np.zeros((1, 60, 3)),  # all at one place
+        np.column_stack([np.linspace(0, 3000, 60), np.zeros((60, 2))])[None],  # exactly straight
+        np.zeros((1, 4, 3)),  # too few
+    ],
+)
+def test_what_cannot_be_seen_is_not_converged(ship):
+    ranges = np.linalg.norm(ship - [500.0, 800.0, -2000.0], axis=2)
+    fixes = fix_squared_range(ship, ranges, 2.0 * np.arange(ship.shape[1]), 3, 0.4)
+    assert not fixes.converged.any()
+    assert np.isnan(fixes.estimate).all()
+
+
+def test_nan_is_not_converged():
+    points, ship, ranges = noisy(1)
+    ranges[0, 7] = np.nan
+    assert not fix_squared_range(ship, ranges, points.emitted_s, 5, 0.4).converged.any()
+
+
+def test_shapes_and_noise_that_make_no_sense_are_refused():
+    with pytest.raises(ValueError, match="wanted"):
+        fix_squared_range(np.zeros((1, 9, 2)), np.zeros((1, 9)), np.zeros(9), 3, 0.4)
+    with pytest.raises(ValueError, match="wanted"):
+        fix_squared_range(np.zeros((1, 9, 3)), np.zeros((1, 9)), np.zeros(9), -3, 0.4)

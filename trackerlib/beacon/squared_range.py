@@ -1,0 +1,300 @@
+"""Fixes without the bias that noisy ship positions give: squared ranges, instruments from the neighbours.
+
+With d the horizontal offset ship minus beacon (noisy), z the height of the beacon above the hydrophone and
+s = C T - c0 the range, q = |d|^2 - 2 g^2 + z^2 - s^2 + sigma^2 has mean exactly zero at the truth, straight
+overhead too, however large g is. The weighted sum of w J q is brought to zero, where neither w nor J holds the
+ping's own noise: both come from a straight line through the neighbouring ship positions.
+
+    fixes = fix_squared_range(ship, ranges, epochs, gps_rms_m=3, range_rms_m=0.43)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from trackerlib.compiled import compiled, warms
+
+NEIGHBOURS = 10  # on either side
+STEPS = 50
+STILL, MOVING = 4, 7  # unknowns: east, north, up and c0, then three velocities
+
+
+@dataclass(frozen=True, eq=False)
+class SquaredRangeFixes:
+    """Fixes of B surveys: lengths in metres, velocities in m/s, unknowns in the order of `estimate`."""
+
+    estimate: (
+        np.ndarray
+    )  # (B, P) east, north, up, c0 (C times the emission offset), then velocities if moving
+    covariance: np.ndarray  # (B, P, P)
+    converged: np.ndarray  # (B,) reached a solution, below the hydrophone, whose every direction is seen
+    iterations: np.ndarray  # (B,)
+
+
+def fix_squared_range(
+    ship: np.ndarray,
+    ranges: np.ndarray,
+    epochs: np.ndarray,
+    gps_rms_m: float,
+    range_rms_m: float,
+    *,
+    moving: bool = False,
+    neighbours: int = NEIGHBOURS,
+) -> SquaredRangeFixes:
+    """Positions of still or steadily moving beacons, one a survey, unbiased whatever the ship's position noise.
+
+    ship : (B, N, 3) positions of the hydrophone [m] east, north (both noisy), up (taken as known)
+    ranges : (B, N) speed of sound times arrival time less emission number times interval [m]; one unknown
+        constant a survey is estimated with the position
+    epochs : (N,) emission times [s]; a moving beacon's position is that at epoch 0
+    gps_rms_m : ship position error, each of east and north, independent from ping to ping
+    range_rms_m : speed of sound times the error of one arrival time
+    neighbours : pings on either side whose straight line stands for the ship's place
+
+    Fewer pings than unknowns, or a geometry that hides one of them, is `converged` false.
+    Raises ValueError for shapes that do not fit and for noise that is not positive.
+    """
+    ship, ranges = np.ascontiguousarray(ship, float), np.ascontiguousarray(ranges, float)
+    epochs = np.ascontiguousarray(epochs, float)
+    if (
+        ship.ndim != 3
+        or ship.shape[2] != 3
+        or ranges.shape != ship.shape[:2]
+        or epochs.shape != ranges.shape[1:]
+    ):
+        raise ValueError(
+            f"found ship {ship.shape}, ranges {ranges.shape}, epochs {epochs.shape}; wanted (B, N, 3), (B, N), (N,)"
+        )
+    if not gps_rms_m >= 0 or not range_rms_m >= 0 or gps_rms_m + range_rms_m <= 0:
+        raise ValueError(f"found noise of {gps_rms_m} m and {range_rms_m} m; wanted at least one above zero")
+    surveys, unknowns = len(ship), MOVING if moving else STILL
+    estimate = np.full((surveys, unknowns), np.nan)
+    covariance = np.full((surveys, unknowns, unknowns), np.nan)
+    iterations = np.zeros(surveys, np.int64)
+    if ship.shape[1] > unknowns:
+        _fix_all(
+            ship, ranges, epochs, float(gps_rms_m) ** 2, float(range_rms_m) ** 2, neighbours,
+            estimate, covariance, iterations,
+        )  # fmt: skip
+    return SquaredRangeFixes(estimate, covariance, iterations > 0, iterations)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
+def _fix_all(
+    ship, ranges, epochs, gps_variance, range_variance, neighbours, estimate, covariance, iterations
+):
+    for k in numba.prange(len(ship)):
+        smooth = _smooth(ship[k], epochs, neighbours)
+        iterations[k] = _fix_one(
+            ship[k], smooth, ranges[k], epochs, gps_variance, range_variance, estimate[k], covariance[k]
+        )
+
+
+@compiled
+def _smooth(ship, epochs, neighbours):
+    """Ship's places (N, 2) on a straight line through each ping's neighbours, the ping itself left out."""
+    count = len(ship)
+    smooth = np.empty((count, 2))
+    for k in range(count):
+        first, last = max(k - neighbours, 0), min(k + neighbours, count - 1)
+        n = 0
+        st = stt = sx = sy = stx = sty = 0.0
+        for j in range(first, last + 1):
+            if j == k:
+                continue
+            t = epochs[j] - epochs[k]
+            n += 1
+            st += t
+            stt += t * t
+            sx += ship[j, 0]
+            sy += ship[j, 1]
+            stx += t * ship[j, 0]
+            sty += t * ship[j, 1]
+        spread = n * stt - st * st
+        if n > 1 and spread > 0:
+            smooth[k, 0] = (stt * sx - st * stx) / spread
+            smooth[k, 1] = (stt * sy - st * sty) / spread
+        else:
+            smooth[k, 0], smooth[k, 1] = sx / n, sy / n
+    return smooth
+
+
+@compiled
+def _sums(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, score, own, spread):
+    """Score sum of w J q, its matrix sum of w J J_own' and its variance sum of w J J'."""
+    unknowns = len(theta)
+    score[:] = 0.0
+    own[:] = 0.0
+    spread[:] = 0.0
+    instrument, slope = np.empty(unknowns), np.empty(unknowns)
+    for n in range(len(ship)):
+        t = epochs[n]
+        px, py, pz = theta[0], theta[1], theta[2]
+        if unknowns > 4:
+            px += t * theta[4]
+            py += t * theta[5]
+            pz += t * theta[6]
+        dx, dy, z = ship[n, 0] - px, ship[n, 1] - py, pz - ship[n, 2]
+        s = ranges[n] - theta[3]
+        q = dx * dx + dy * dy - 2 * gps_variance + z * z - s * s + range_variance
+        ix, iy = smooth[n, 0] - px, smooth[n, 1] - py
+        h2 = ix * ix + iy * iy
+        s2 = h2 + z * z
+        slant = np.sqrt(s2)
+        w = 1 / (
+            4 * h2 * gps_variance + 4 * gps_variance**2 + 4 * s2 * range_variance + 2 * range_variance**2
+        )
+        instrument[0], instrument[1], instrument[2], instrument[3] = -2 * ix, -2 * iy, 2 * z, 2 * slant
+        slope[0], slope[1], slope[2], slope[3] = -2 * dx, -2 * dy, 2 * z, 2 * s
+        for k in range(4, unknowns):
+            instrument[k] = t * instrument[k - 4]
+            slope[k] = t * slope[k - 4]
+        for i in range(unknowns):
+            score[i] += w * instrument[i] * q
+            for j in range(unknowns):
+                own[i, j] += w * instrument[i] * slope[j]
+                spread[i, j] += w * instrument[i] * instrument[j]
+
+
+@compiled
+def _scaled_solve(matrix, right):
+    """Solution of a symmetric-looking system after scaling by its diagonal, and whether it is well determined."""
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    for k in range(len(scale)):
+        if not scale[k] > 0:
+            return right * np.nan, False
+    scaled = matrix / scale.reshape(-1, 1) / scale.reshape(1, -1)
+    if not np.all(np.isfinite(scaled)):
+        return right * np.nan, False
+    if np.linalg.cond(scaled) > 1e12:
+        return right * np.nan, False
+    solved = np.linalg.solve(scaled, right / scale.reshape(-1, 1))
+    return solved / scale.reshape(-1, 1), True
+
+
+@compiled
+def _start(ship, smooth, ranges, epochs, moving):
+    """Unknowns from the equations that are linear in position, velocity, c0 and the remaining squares.
+
+    |r|^2 - (C T)^2 = 2 r p + 2 t r v - 2 C T c0 - K0 (- K1 t - K2 t^2), with instruments of the neighbours.
+    K0 = |p|^2 - c0^2, K1 = 2 p v, K2 = v^2; heights are counted from the hydrophone's mean height.
+    """
+    count = len(ship)
+    size = 8 if moving else 4
+    normal, right = np.zeros((size, size)), np.zeros((size, 1))
+    left, row = np.empty(size), np.empty(size)
+    height, east, north = np.mean(ship[:, 2]), np.mean(ship[:, 0]), np.mean(ship[:, 1])
+    middle = np.mean(ranges)
+    span = max(np.max(np.abs(epochs)), 1.0)
+    for n in range(count):
+        x, y, r, t = ship[n, 0] - east, ship[n, 1] - north, ranges[n] - middle, epochs[n] / span
+        left[0], left[1], left[2], left[3] = smooth[n, 0] - east, smooth[n, 1] - north, r, 1.0
+        row[0], row[1], row[2], row[3] = 2 * x, 2 * y, -2 * r, -1.0
+        if moving:
+            left[4], left[5], left[6], left[7] = t * left[0], t * left[1], t, t * t
+            row[4], row[5], row[6], row[7] = 2 * t * x, 2 * t * y, -t, -t * t
+        known = x * x + y * y - r * r
+        for i in range(size):
+            right[i, 0] += left[i] * known
+            for j in range(size):
+                normal[i, j] += left[i] * row[j]
+    theta = np.zeros(7 if moving else 4)
+    solved, fine = _scaled_solve(normal, right)
+    if not fine:
+        return theta, False
+    p0, p1, c0 = solved[0, 0], solved[1, 0], solved[2, 0]
+    square = solved[3, 0] + c0 * c0 - p0 * p0 - p1 * p1
+    depth = np.sqrt(max(square, 100.0))
+    theta[0], theta[1], theta[2], theta[3] = p0 + east, p1 + north, height - depth, c0 + middle
+    if moving:
+        theta[4], theta[5] = solved[4, 0] / span, solved[5, 0] / span
+        theta[6] = -(solved[6, 0] / span / 2 - p0 * theta[4] - p1 * theta[5]) / depth
+        if not abs(theta[6]) < 5.0:
+            theta[6] = 0.0
+    return theta, True
+
+
+@compiled
+def _descend(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance):
+    """Newton's steps, halved while the score's own size grows; how many were needed, 0 if they did not settle."""
+    unknowns = len(theta)
+    score = np.empty((unknowns, 1))
+    own, spread = np.empty((unknowns, unknowns)), np.empty((unknowns, unknowns))
+    trial = theta.copy()
+    highest = np.max(ship[:, 2])
+    _sums(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, score[:, 0], own, spread)
+    for step in range(1, STEPS + 1):
+        move, fine = _scaled_solve(own, -score)
+        if not fine:
+            return 0
+        whitened, fine = _scaled_solve(spread, score)
+        if not fine:
+            return 0
+        size = np.sum(score * whitened)
+        share = 1.0
+        while share > 1e-4:
+            for k in range(unknowns):
+                trial[k] = theta[k] + share * move[k, 0]
+            if trial[2] < highest:
+                _sums(
+                    trial,
+                    ship,
+                    smooth,
+                    ranges,
+                    epochs,
+                    gps_variance,
+                    range_variance,
+                    score[:, 0],
+                    own,
+                    spread,
+                )
+                whitened, fine = _scaled_solve(spread, score)
+                if fine and np.sum(score * whitened) <= size * (1 + 1e-6) + 1e-12:
+                    break
+            share /= 2
+        theta[:] = trial
+        if share <= 1e-4:
+            return 0
+        if size < 1e-10 or np.sum(score * whitened) < 1e-14:
+            inverse, fine = _scaled_solve(own, np.eye(unknowns))
+            if not fine:
+                return 0
+            estimate[:] = theta
+            covariance[:] = inverse @ spread @ inverse.T
+            return step
+    return 0
+
+
+@compiled
+def _fix_one(ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance):
+    unknowns = len(estimate)
+    still, fine = _start(ship, smooth, ranges, epochs, False)
+    if not fine:
+        return 0
+    if unknowns == 4:
+        return _descend(
+            still, ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance
+        )
+    free, fine = _start(ship, smooth, ranges, epochs, True)
+    if fine:
+        steps = _descend(
+            free, ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance
+        )
+        if steps > 0:
+            return steps
+    theta = np.zeros(unknowns)
+    theta[:4] = still
+    return _descend(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance)
+
+
+@warms
+def _warm() -> None:
+    rng = np.random.default_rng(1)
+    ship = np.zeros((2, 30, 3))
+    ship[:, :, :2] = 100 * rng.normal(size=(2, 30, 2))
+    ranges = np.linalg.norm(ship - [10.0, 0.0, -200.0], axis=2)
+    for moving in (False, True):
+        fix_squared_range(ship, ranges, np.arange(30.0), 1.0, 1.0, moving=moving)
