@@ -46,6 +46,7 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.acoustics.rays",
     "trackerlib.beacon.uncertainty",
     "trackerlib.beacon.squared_range",
+    "trackerlib.beacon.pairs",
 )
 
 _warm_ups: list[Callable[[], object]] = []

@@ -176,7 +176,7 @@ def _scaled_solve(matrix, right):
 
 
 @compiled
-def _start(ship, smooth, ranges, epochs, moving):
+def linear_start(ship, smooth, ranges, epochs, moving):
     """Unknowns from the equations that are linear in position, velocity, c0 and the remaining squares.
 
     |r|^2 - (C T)^2 = 2 r p + 2 t r v - 2 C T c0 - K0 (- K1 t - K2 t^2), with instruments of the neighbours.
@@ -271,14 +271,14 @@ def _descend(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, 
 @compiled
 def _fix_one(ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance):
     unknowns = len(estimate)
-    still, fine = _start(ship, smooth, ranges, epochs, False)
+    still, fine = linear_start(ship, smooth, ranges, epochs, False)
     if not fine:
         return 0
     if unknowns == 4:
         return _descend(
             still, ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance
         )
-    free, fine = _start(ship, smooth, ranges, epochs, True)
+    free, fine = linear_start(ship, smooth, ranges, epochs, True)
     if fine:
         steps = _descend(
             free, ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance
