@@ -8,11 +8,11 @@ import time
 import numba
 
 from trackerlib.rounding import value_with_sigma
-from trackerlib.simulation.hexagon import SCENARIOS, Trials, run_trials, sail_hexagon
+from trackerlib.simulation.hexagon import METHODS, SCENARIOS, run_point
+from trackerlib.simulation.study import COMPONENTS, summary
 from trackerlib.textfiles import InputError
 
 SUMMARY = "simulate many fixes of one of the thesis's six beacons and compare them with the bound"
-COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
 UNITS = {name: "m" if len(name) == 1 else "m/s" for name in COMPONENTS}
 
 
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--gps-rms-m", type=float, required=True, metavar="G", help="ship position error, each axis")
     add("--trials", type=int, required=True, metavar="M")
     add("--seed", type=int, required=True, metavar="S")
-    add("--method", choices=("all-pings",), default="all-pings", help="every reception from 0 to N K")
+    add("--method", choices=METHODS, default=METHODS[0], help="every reception, or chained pairs")
     add("--speed-mps", type=float, default=5.0, metavar="C", help="of the ship (default 5)")
     add("--start-vertex", type=int, default=4, metavar="V", help="it starts at 60 V degrees (default 4)")
     add("--workers", type=int, metavar="W", help="threads (default: all cores)")
@@ -33,49 +33,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict:
     """The answer of `montecarlo` as a document for JSON."""
-    if args.experiments < 1 or args.spacing < 1:
-        raise InputError(
-            f"found {args.experiments} experiments at spacing {args.spacing}; wanted at least 1 of each"
-        )
-    if not args.gps_rms_m > 0:
-        raise InputError(f"--gps-rms-m is {args.gps_rms_m:g}; wanted more than 0")
-    if args.workers is not None:
-        most = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
-        if not 1 <= args.workers <= most:
-            raise InputError(f"--workers is {args.workers}; wanted 1 to {most}")
-        numba.set_num_threads(args.workers)
+    use_workers(args.workers)
+    point = (args.scenario, args.experiments, args.spacing, args.gps_rms_m)
+    how = (args.seed, args.method, args.speed_mps, args.start_vertex)
     try:
-        receptions = sail_hexagon(
-            SCENARIOS[args.scenario], args.experiments * args.spacing + 1, args.speed_mps, args.start_vertex
-        )
+        run_point(*point, min(args.trials, 1), *how)  # compiled kernels are loaded before the clock starts
         begin = time.perf_counter()
-        trials = run_trials(receptions, args.gps_rms_m, args.trials, args.seed)
+        trials = run_point(*point, args.trials, *how)
     except ValueError as error:
         raise InputError(str(error)) from None
-    return {"scenario": args.scenario, "method": args.method, **document(trials, time.perf_counter() - begin)}
-
-
-def document(trials: Trials, seconds: float) -> dict:
-    """Trials under the keys that others rely on."""
-
-    def named(values):
-        return dict(zip(COMPONENTS, values, strict=False))
-
-    rmse = trials.rmse
+    seconds = time.perf_counter() - begin
     return {
-        "simulated": True,
-        "trials": len(trials.estimate),
-        "converged": int(trials.converged.sum()),
-        "rmse": named(rmse),
-        "bias": named(trials.bias),
-        "mean_sigma": named(trials.mean_sigma),
-        "crlb": named(trials.bound),
-        "coverage95": trials.coverage,
-        "rmse_2d_m": float((rmse[:2] ** 2).sum() ** 0.5),
-        "rmse_3d_m": float((rmse[:3] ** 2).sum() ** 0.5),
-        "rmse_now": named(trials.rmse_now),
+        "scenario": args.scenario,
+        "method": args.method,
+        **summary(trials),
         "fixes_per_s": len(trials.estimate) / seconds,
     }
+
+
+def use_workers(count: int | None) -> None:
+    """Lets kernels run on this many threads.
+
+    Raises InputError for a count that this machine does not have.
+    """
+    if count is None:
+        return
+    most = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+    if not 1 <= count <= most:
+        raise InputError(f"--workers is {count}; wanted 1 to {most}")
+    numba.set_num_threads(count)
 
 
 def report(document: dict) -> str:

@@ -2,6 +2,7 @@
 
     points = sail_hexagon(SCENARIOS[2], receptions=1126)
     study = run_trials(points, gps_rms_m=3, trials=2000, seed=1)
+    same = run_point(2, 25, 45, gps_rms_m=3, trials=2000, seed=1, method="thesis")
 
 Everything made here is simulated.
 """
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
+from trackerlib.beacon.pairs import experiments, fix_pairs
 from trackerlib.beacon.squared_range import MOVING, SquaredRangeFixes, fix_squared_range
 
 LEG_M = 1000.0
@@ -22,6 +24,7 @@ SOUND_SPEED_MPS = 1500.0
 TIME_RMS_S = SAMPLE_S / np.sqrt(12)  # of a time read off 1 ms samples
 BATCH = 200  # trials simulated at once
 PROBABILITY = 0.95
+METHODS = ("all-pings", "thesis")  # every reception; the thesis's chained experiments
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,17 @@ class Trials:
         if self.receptions.scenario.moving:
             now += self.receptions.received_s[-1] * errors[:, 3:]
         return np.sqrt(_mean(now**2))
+
+    @property
+    def mean_sigma_now(self) -> np.ndarray:
+        """Mean stated sigma of the position at the last reception, (3,): o + t v (3-19), S11 + t^2 S44 + 2 t S14."""
+        covariance = self.covariance[self.converged]
+        variance = np.einsum("kii->ki", covariance[:, :3, :3])
+        if self.receptions.scenario.moving:
+            t = self.receptions.received_s[-1]
+            variance = variance + t**2 * np.einsum("kii->ki", covariance[:, 3:, 3:])
+            variance = variance + 2 * t * np.einsum("kii->ki", covariance[:, :3, 3:])
+        return _mean(np.sqrt(variance))
 
     @property
     def coverage(self) -> float:
@@ -205,3 +219,60 @@ def run_trials(receptions: Receptions, gps_rms_m: float, trials: int, seed: int)
         np.concatenate([part.converged for part in parts]),
         position_bound(receptions, gps_rms_m, range_rms),
     )
+
+
+def run_pair_trials(receptions: Receptions, spacing: int, gps_rms_m: float, trials: int, seed: int) -> Trials:
+    """Fixes of many simulated surveys by the thesis's estimator, from chained pairs `spacing` receptions apart.
+
+    The bound beside them is that of every reception, used or not. Trial k has the same noise at reception
+    number n of the chain whatever the spacing and the number of experiments.
+    Raises ValueError for fewer than one trial.
+    """
+    if trials < 1:
+        raise ValueError(f"found {trials} trials; wanted at least 1")
+    chain = np.arange(0, len(receptions.ship), spacing)
+    range_rms = SOUND_SPEED_MPS * TIME_RMS_S
+    noise = np.random.default_rng(seed).standard_normal((len(chain), trials, 3)).swapaxes(0, 1)
+    ship = np.repeat(receptions.ship[chain][None], trials, axis=0)
+    ship[:, :, :2] += gps_rms_m * noise[:, :, :2]
+    ranges = receptions.range_m[chain] + range_rms * noise[:, :, 2]
+    fixes = fix_pairs(
+        ship, ranges, receptions.emitted_s[chain], experiments(len(chain) - 1, 1), gps_rms_m, range_rms,
+        moving=receptions.scenario.moving,
+    )  # fmt: skip
+    return Trials(
+        receptions,
+        fixes.estimate,
+        fixes.covariance,
+        fixes.converged,
+        position_bound(receptions, gps_rms_m, range_rms),
+    )
+
+
+def run_point(
+    scenario: int,
+    experiment_count: int,
+    spacing: int,
+    gps_rms_m: float,
+    trials: int,
+    seed: int,
+    method: str,
+    speed_mps: float = 5.0,
+    start_vertex: int = 4,
+) -> Trials:
+    """Trials of one point of the study: a scenario of Table 4-1, a length of survey, an estimator of METHODS.
+
+    Raises ValueError for a count or spacing below one and for an unknown scenario or method.
+    """
+    if experiment_count < 1 or spacing < 1:
+        raise ValueError(
+            f"found {experiment_count} experiments at spacing {spacing}; wanted at least 1 of each"
+        )
+    if not gps_rms_m > 0:
+        raise ValueError(f"found a ship position error of {gps_rms_m:g} m; wanted more than 0")
+    if scenario not in SCENARIOS or method not in METHODS:
+        raise ValueError(f"found scenario {scenario}, method {method}; wanted 1 to 6, one of {METHODS}")
+    receptions = sail_hexagon(SCENARIOS[scenario], experiment_count * spacing + 1, speed_mps, start_vertex)
+    if method == "thesis":
+        return run_pair_trials(receptions, spacing, gps_rms_m, trials, seed)
+    return run_trials(receptions, gps_rms_m, trials, seed)

@@ -1,0 +1,101 @@
+"""`study`: the grid of chapter IV, a table that agrees with `montecarlo`, resuming, a Dask cluster, its figures."""
+
+from __future__ import annotations
+
+import json
+from xml.etree import ElementTree
+
+import pandas as pd
+import pytest
+
+from trackerlib.commands import main
+from trackerlib.simulation.study import study_points
+
+SMALL = ["--scenarios", "2", "--sweeps", "experiments", "--gps-rms-m", "3", "--trials", "20", "--seed", "1"]
+
+
+def study(capsys, *argv):
+    code = main(["study", *map(str, argv), "--json"])
+    out = capsys.readouterr()
+    assert code == 0, out.err
+    return json.loads(out.out)
+
+
+def test_the_whole_of_chapter_iv_has_1590_points_a_method():
+    points = study_points(methods=("thesis",))
+    assert len(points) == len(set(points)) == 1590
+    assert {(p.experiments, p.spacing) for p in points if p.scenario == 1 and p.sweep == "spacing"} == {
+        (25, k) for k in range(2, 91)
+    }
+    with pytest.raises(ValueError, match="7"):
+        study_points(scenarios=(7,))
+
+
+def test_a_row_is_what_montecarlo_says(tmp_path, capsys):
+    answer = study(capsys, *SMALL, "--methods", "thesis", "--out", tmp_path)
+    table = pd.read_csv(tmp_path / "study.csv")
+    assert len(table) == answer["points"] == 46
+    point = ["--scenario", "2", "--experiments", "30", "--spacing", "45", "--gps-rms-m", "3"]
+    assert main(["montecarlo", *point, "--trials", "20", "--seed", "1", "--method", "thesis", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    row = table[table.experiments == 30].iloc[0]
+    for key in ("rmse", "crlb", "mean_sigma"):
+        assert row[f"{key}.z"] == pytest.approx(document[key]["z"], rel=1e-12)
+    assert row.coverage95 == document["coverage95"]
+
+
+def test_a_killed_study_is_resumed_where_it_stopped(tmp_path, capsys):
+    study(capsys, *SMALL, "--methods", "thesis", "--out", tmp_path)
+    whole = (tmp_path / "study.csv").read_text()
+    (tmp_path / "study.csv").write_text(whole[: len(whole) // 2])
+    answer = study(capsys, *SMALL, "--methods", "thesis", "--out", tmp_path, "--resume")
+    assert 15 < answer["resumed"] < 30
+    again = pd.read_csv(tmp_path / "study.csv").drop(columns="seconds")
+    (tmp_path / "study.csv").write_text(whole)
+    pd.testing.assert_frame_equal(again, pd.read_csv(tmp_path / "study.csv").drop(columns="seconds"))
+
+
+def test_other_trials_are_not_mixed_into_a_table(tmp_path, capsys):
+    study(capsys, *SMALL, "--methods", "thesis", "--out", tmp_path)
+    other = [*SMALL[:-1], "2", "--methods", "thesis", "--out", str(tmp_path), "--resume"]
+    assert main(["study", *other]) == 2
+    assert "study.csv, line 2" in capsys.readouterr().err
+
+
+def test_a_page_has_the_thesis_figures_of_a_sweep(tmp_path, capsys):
+    answer = study(capsys, *SMALL, "--out", tmp_path)
+    (page,) = answer["figures"]
+    text = ElementTree.tostring(ElementTree.parse(page).getroot(), encoding="unicode")
+    assert all(f"4-{number}  " in text for number in range(19, 27))
+    assert "SIMULATED" in text
+
+
+def test_a_dask_cluster_gives_the_same_table(tmp_path, capsys):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, host="127.0.0.1",
+        protocol="tcp",
+    ) as cluster:  # fmt: skip
+        study(
+            capsys, *SMALL, "--methods", "thesis", "--out", tmp_path / "far", "--scheduler",
+            cluster.scheduler_address,
+        )  # fmt: skip
+    study(capsys, *SMALL, "--methods", "thesis", "--out", tmp_path / "near")
+    far, near = (
+        pd.read_csv(tmp_path / where / "study.csv").sort_values("experiments", ignore_index=True)
+        for where in ("far", "near")
+    )
+    pd.testing.assert_frame_equal(far.drop(columns="seconds"), near.drop(columns="seconds"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (["--scenarios", "9"], "9"),
+        (["--trials", "0"], "trials"),
+        (["--scheduler", "tcp://127.0.0.1:9"], "Dask"),
+    ],
+)
+def test_wrong_calls_are_refused(tmp_path, capsys, wrong, said):
+    assert main(["study", *SMALL, *wrong, "--out", str(tmp_path)]) == 2
+    assert said in capsys.readouterr().err

@@ -1,0 +1,172 @@
+"""`study ... --out DIR`: the whole of the thesis's chapter IV, as a table and as its figures."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, fields
+from pathlib import Path
+
+import pandas as pd
+
+from trackerlib.commands.montecarlo import use_workers
+from trackerlib.simulation.figures import draw_study
+from trackerlib.simulation.hexagon import METHODS, SCENARIOS
+from trackerlib.simulation.study import (
+    COMPONENTS,
+    GPS_RMS_M,
+    SWEEPS,
+    StudyPoint,
+    flat,
+    run_study_point,
+    study_points,
+    summary,
+)
+from trackerlib.textfiles import InputError
+
+SUMMARY = "simulate the thesis's study of accuracy: six beacons, two sweeps, two qualities of GPS"
+POINT = tuple(field.name for field in fields(StudyPoint))
+NAMED = ("rmse", "bias", "mean_sigma", "crlb")
+COLUMNS = (
+    *POINT, "simulated", "seed", "speed_mps", "trials", "converged", "coverage95", "rmse_2d_m", "rmse_3d_m",
+    *(f"{key}.{axis}" for key in NAMED for axis in COMPONENTS),
+    *(f"{key}.{axis}" for key in ("rmse_now", "mean_sigma_now") for axis in COMPONENTS[:3]),
+    "seconds",
+)  # fmt: skip
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `study`."""
+    add = parser.add_argument
+    add("--scenarios", type=_list(int), default=tuple(SCENARIOS), metavar="1,..,6")
+    add("--sweeps", type=_list(str), default=SWEEPS, metavar=",".join(SWEEPS))
+    add("--gps-rms-m", type=_list(float), default=GPS_RMS_M, metavar="3,25")
+    add("--methods", type=_list(str), default=METHODS, metavar=",".join(METHODS))
+    add("--trials", type=int, required=True, metavar="M", help="at each point")
+    add("--seed", type=int, required=True, metavar="S")
+    add("--speed-mps", type=float, default=5.0, metavar="C", help="of the ship (default 5)")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=int, metavar="W", help="threads (default: all cores)")
+    where.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it")
+    add("--resume", action="store_true", help="keep the points that DIR/study.csv already holds")
+    add("--out", type=Path, required=True, metavar="DIR")
+
+
+def run(args: argparse.Namespace) -> dict:
+    """Runs the study, a row of study.csv as each point ends, and draws its figures."""
+    use_workers(args.workers)
+    try:
+        points = study_points(args.scenarios, args.sweeps, args.gps_rms_m, args.methods)
+    except ValueError as error:
+        raise InputError(f"study: {error}") from None
+    if args.trials < 1:
+        raise InputError(f"--trials is {args.trials}; wanted at least 1")
+    begin = time.perf_counter()
+    args.out.mkdir(parents=True, exist_ok=True)
+    path = args.out / "study.csv"
+    kept = _kept(path, args) if args.resume else []
+    done = {tuple(row[name] for name in POINT) for row in kept}
+    left = [point for point in points if tuple(str(value) for value in asdict(point).values()) not in done]
+    _begin_table(path, kept)
+    with path.open("a", newline="", encoding="utf-8") as table:
+        writer = csv.DictWriter(table, COLUMNS)
+        for number, row in enumerate(_rows(left, args), 1):
+            writer.writerow(row)
+            table.flush()
+            _show_progress(number, len(left))
+    rows = pd.read_csv(path)
+    simulated = time.perf_counter() - begin
+    figures = draw_study(rows, args.out)
+    return {
+        "simulated": True,
+        "points": len(rows),
+        "resumed": len(kept),
+        "trials": int(rows.trials.sum()),
+        "converged": int(rows.converged.sum()),
+        "table": str(path),
+        "figures": [str(figure) for figure in figures],
+        "seconds": simulated,
+    }
+
+
+def one_row(point: StudyPoint, trials: int, seed: int, speed_mps: float) -> dict:
+    """One point as a row of study.csv."""
+    begin = time.perf_counter()
+    row = asdict(point) | flat(summary(run_study_point(point, trials, seed, speed_mps)))
+    return row | {"seed": seed, "speed_mps": speed_mps, "seconds": round(time.perf_counter() - begin, 4)}
+
+
+def report(document: dict) -> str:
+    """The same for a person."""
+    return (
+        f"SIMULATED: {document['points']} points ({document['resumed']} kept from before), "
+        f"{document['converged']} of {document['trials']} fixes converged, {document['seconds']:.1f} s\n"
+        f"table    {document['table']}\nfigures  " + "\n         ".join(document["figures"])
+    )
+
+
+def _rows(points: list[StudyPoint], args: argparse.Namespace) -> Iterator[dict]:
+    how = (args.trials, args.seed, args.speed_mps)
+    if args.scheduler is None:
+        for point in points:
+            yield one_row(point, *how)
+        return
+    from distributed import Client, as_completed  # a second to import, for those who have a cluster
+
+    try:
+        client = Client(args.scheduler, timeout="5s")
+    except (OSError, ValueError) as error:
+        raise InputError(f"--scheduler {args.scheduler}: no Dask scheduler answers there ({error})") from None
+    with client:
+        futures = [client.submit(one_row, point, *how, pure=False) for point in points]
+        for _, row in as_completed(futures, with_results=True):
+            yield row
+
+
+def _kept(path: Path, args: argparse.Namespace) -> list[dict]:
+    """Whole rows of an earlier table; a line cut short by a kill is left out."""
+    if not path.exists():
+        return []
+    with path.open(newline="", encoding="utf-8") as table:
+        reader = csv.DictReader(table)
+        if tuple(reader.fieldnames or ()) != COLUMNS:
+            raise InputError(
+                f"{path}, line 1: found other columns than a study's; wanted {', '.join(POINT)}, ..."
+            )
+        rows = [row for row in reader if None not in row.values() and row["seconds"]]
+    wanted = (args.trials, args.seed, args.speed_mps)
+    for line, row in enumerate(rows, 2):
+        found = int(row["trials"]), int(row["seed"]), float(row["speed_mps"])
+        if found != wanted:
+            raise InputError(
+                f"{path}, line {line}: found trials, seed and speed {found}; wanted {wanted} to resume"
+            )
+    return rows
+
+
+def _begin_table(path: Path, kept: list[dict]) -> None:
+    beside = path.with_suffix(".part")
+    with beside.open("w", newline="", encoding="utf-8") as table:
+        writer = csv.DictWriter(table, COLUMNS)
+        writer.writeheader()
+        writer.writerows(kept)
+    os.replace(beside, path)
+
+
+def _show_progress(number: int, of: int) -> None:
+    if sys.stderr.isatty():
+        print(f"\r{number} of {of} points", end="\n" if number == of else "", file=sys.stderr, flush=True)
+
+
+def _list(kind):
+    def parse(text: str) -> tuple:
+        try:
+            return tuple(kind(part) for part in text.split(","))
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"found {text!r}; wanted a list with commas") from None
+
+    return parse

@@ -1,0 +1,97 @@
+"""Figures 4-3 to 4-146 of Wojcik (1993) from a study's table: a page a scenario and sweep.
+
+Where the thesis drew one estimate a point, the root-mean-square error of many is drawn, with what the fixes
+said of themselves and the Cramer-Rao bound beside.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from trackerlib.simulation.hexagon import SCENARIOS
+
+FIRST_FIGURE = {1: (3, 11), 2: (19, 27), 3: (35, 43), 4: (51, 67), 5: (83, 99), 6: (115, 131)}
+COLOURS = {"all-pings": "#0072b2", "thesis": "#d55e00"}
+MARKS = {3.0: "x", 25.0: "o"}  # the thesis's own
+Panel = tuple[
+    str, tuple[tuple[str, str], ...], float | None
+]  # title, columns with their labels, GPS if only one
+
+
+def panels(moving: bool) -> list[Panel]:
+    """What each figure of a sweep shows, in the thesis's order: 8 still, 16 moving."""
+    listed: list[Panel] = []
+
+    def pair(name: str, error: str, sigma: str, bound: str | None) -> None:
+        lower = ((bound, "bound"),) if bound else ()
+        listed.append((f"{name}: error [m]", ((error, ""), *lower), None))
+        listed.append((f"std of {name} [m]", ((sigma, ""), *lower), None))
+
+    for axis in "xyz":
+        name = f"{axis.upper()}{'o' if moving else 'T'}"
+        pair(name, f"rmse.{axis}", f"mean_sigma.{axis}", f"crlb.{axis}")
+    if moving:
+        speeds = tuple((f"rmse.v{axis}", f"v{axis}") for axis in "xyz")
+        listed += [(f"velocities, {gps:g} m GPS: error [m/s]", speeds, gps) for gps in MARKS]
+    listed.append(("position error, three axes [m]", (("rmse_3d_m", ""),), None))
+    listed.append(("position error, horizontal [m]", (("rmse_2d_m", ""),), None))
+    if moving:
+        for axis in "xyz":
+            pair(f"present {axis.upper()}T", f"rmse_now.{axis}", f"mean_sigma_now.{axis}", None)
+    return listed
+
+
+def draw_study(table: pd.DataFrame, folder: Path) -> list[Path]:
+    """Files written: one page (SVG) for each scenario and sweep of a study's table."""
+    from matplotlib import rc_context  # half a second that only a study should pay
+    from matplotlib.figure import Figure
+
+    written = []
+    for (scenario, sweep), rows in table.groupby(["scenario", "sweep"]):
+        moving = SCENARIOS[int(scenario)].moving
+        listed = panels(moving)
+        figure = Figure(figsize=(13, 3.1 * len(listed) / 4), layout="constrained")
+        grid = figure.subplots(len(listed) // 4, 4).ravel()
+        number = FIRST_FIGURE[int(scenario)][int(sweep == "spacing")]
+        for k, (panel, axes) in enumerate(zip(listed, grid, strict=True)):
+            _draw_panel(axes, panel, rows, str(sweep))
+            axes.set_title(f"4-{number + k}  {panel[0]}", fontsize=8)
+        grid[0].legend(fontsize=6)
+        figure.suptitle(
+            f"SIMULATED  scenario {scenario}, {int(rows.trials.max())} trials a point, "
+            f"ship at {rows.speed_mps.iloc[0]:g} m/s",
+            fontsize=10,
+        )
+        written.append(folder / f"scenario{scenario}_{sweep}.svg")
+        with rc_context({"svg.fonttype": "none"}):  # words stay words
+            figure.savefig(written[-1], metadata={"Date": None})
+    return written
+
+
+def _draw_panel(axes, panel: Panel, rows: pd.DataFrame, sweep: str) -> None:
+    _, columns, only = panel
+    for (method, gps), curve in rows.groupby(["method", "gps_rms_m"]):
+        if only is not None and gps != only:
+            continue
+        curve = curve[curve.converged > curve.trials / 2].sort_values(sweep)
+        for column, label in columns:
+            bound = label == "bound"
+            if bound and method != rows.method.iloc[0]:
+                continue
+            axes.plot(
+                curve[sweep],
+                curve[column].where(np.isfinite(curve[column])),
+                color="#777777" if bound else COLOURS[str(method)],
+                linestyle="-" if bound or not label else {"vx": "-", "vy": "--", "vz": ":"}[label],
+                marker=None if bound else MARKS.get(float(gps), "."),
+                markersize=2.5,
+                linewidth=0.8,
+                label=f"{'bound' if bound else method} {gps:g} m GPS {'' if bound else label}".strip(),
+            )
+    axes.set_yscale("log")
+    axes.set_xlabel("experiments" if sweep == "experiments" else "spacing, pulse intervals", fontsize=7)
+    axes.tick_params(labelsize=6)
+    axes.grid(alpha=0.3)

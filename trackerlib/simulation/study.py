@@ -1,0 +1,113 @@
+"""The study of Wojcik (1993), chapter IV: six beacons, two sweeps, two qualities of GPS, several estimators.
+
+    points = study_points(scenarios=(1, 2, 3), sweeps=("experiments",), gps_rms_m=(3.0,), methods=("thesis",))
+    rows = [summary(run_study_point(point, trials=1000, seed=1)) for point in points]
+
+Everything made here is simulated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackerlib.simulation.hexagon import METHODS, SCENARIOS, Trials, run_point
+
+COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
+SWEEPS = ("experiments", "spacing")
+GPS_RMS_M = (3.0, 25.0)
+
+
+@dataclass(frozen=True, order=True)
+class StudyPoint:
+    """One point of one curve: what was simulated and how it was fixed."""
+
+    scenario: int
+    sweep: str
+    experiments: int
+    spacing: int
+    gps_rms_m: float
+    method: str
+
+    @property
+    def abscissa(self) -> int:
+        """What the sweep turns."""
+        return self.experiments if self.sweep == "experiments" else self.spacing
+
+
+def study_points(
+    scenarios: Sequence[int] = tuple(SCENARIOS),
+    sweeps: Sequence[str] = SWEEPS,
+    gps_rms_m: Sequence[float] = GPS_RMS_M,
+    methods: Sequence[str] = METHODS,
+) -> list[StudyPoint]:
+    """Every point of the study, curve after curve: 1590 a method in the whole of chapter IV.
+
+    Still: 5 to 50 experiments at spacing 45, spacings 2 to 90 of 25; moving: 10 to 50 at 60, 2 to 90 of 30.
+    Raises ValueError for an unknown scenario, sweep or method.
+    """
+    for found, wanted in ((scenarios, SCENARIOS), (sweeps, SWEEPS), (methods, METHODS)):
+        unknown = [one for one in found if one not in wanted]
+        if unknown or not found:
+            raise ValueError(f"found {unknown or 'nothing'}; wanted some of {', '.join(map(str, wanted))}")
+    return [
+        StudyPoint(scenario, sweep, experiments, spacing, gps, method)
+        for scenario in scenarios
+        for sweep in sweeps
+        for method in methods
+        for gps in gps_rms_m
+        for experiments, spacing in _grid(SCENARIOS[scenario].moving, sweep)
+    ]
+
+
+def _grid(moving: bool, sweep: str) -> Iterable[tuple[int, int]]:
+    if sweep == "experiments":
+        return ((n, 60) for n in range(10, 51)) if moving else ((n, 45) for n in range(5, 51))
+    return ((30 if moving else 25, k) for k in range(2, 91))
+
+
+def run_study_point(point: StudyPoint, trials: int, seed: int, speed_mps: float = 5.0) -> Trials:
+    """The trials of one point, the same that `montecarlo` makes."""
+    return run_point(
+        point.scenario,
+        point.experiments,
+        point.spacing,
+        point.gps_rms_m,
+        trials,
+        seed,
+        point.method,
+        speed_mps,
+    )
+
+
+def summary(trials: Trials) -> dict:
+    """What many trials came to, under the keys that others rely on; NaN where none converged."""
+
+    def named(values: np.ndarray) -> dict[str, float]:
+        return dict(zip(COMPONENTS, map(float, values), strict=False))
+
+    rmse = trials.rmse
+    return {
+        "simulated": True,
+        "trials": len(trials.estimate),
+        "converged": int(trials.converged.sum()),
+        "rmse": named(rmse),
+        "bias": named(trials.bias),
+        "mean_sigma": named(trials.mean_sigma),
+        "crlb": named(trials.bound),
+        "coverage95": trials.coverage,
+        "rmse_2d_m": float((rmse[:2] ** 2).sum() ** 0.5),
+        "rmse_3d_m": float((rmse[:3] ** 2).sum() ** 0.5),
+        "rmse_now": named(trials.rmse_now),
+        "mean_sigma_now": named(trials.mean_sigma_now),
+    }
+
+
+def flat(document: dict, prefix: str = "") -> dict:
+    """The same with one level of keys, joined by dots: a row of a table."""
+    row: dict = {}
+    for key, value in document.items():
+        row |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return row
