@@ -21,6 +21,7 @@ from trackerlib.compiled import compiled, warms
 
 START = (0.0, 0.0, -2500.0)  # (4-6), (4-7)
 STEPS = 200
+PRESSED = 8  # steps in a row against the side of the search box: the answer lies outside
 EXPLAINED = 4.0  # standard errors of chi-square: no further start is tried below this
 LEAST_EXPERIMENTS = {False: (20, 35), True: (30, 45)}  # count, spacing: the thesis's minima still and moving
 BLOCK = 64  # experiments worked on side by side
@@ -277,7 +278,7 @@ def _descend(theta, work, gps_variance, range_variance, limits, covariance):
     lower, move, trial = np.zeros((unknowns, unknowns)), np.zeros(unknowns), np.zeros(unknowns)
     total = _normal_equations(theta, work, gps_variance, range_variance, normal, right)
     damping, rest = 1e-3, False
-    step = 0
+    step = pressed = 0
     while step < STEPS and np.isfinite(total):
         step += 1
         if not _solve(normal, damping, right, lower, move):
@@ -290,6 +291,12 @@ def _descend(theta, work, gps_variance, range_variance, limits, covariance):
         if theta[2] + move[2] > limits[1, 2]:  # above the surface: the same squares as below it
             trial[2] = max(2 * limits[1, 2] - theta[2] - move[2], limits[0, 2])
         there = _normal_equations(trial, work, gps_variance, range_variance, normal_there, right_there)
+        outside = False
+        for k in range(unknowns):
+            outside |= trial[k] <= limits[0, k] or trial[k] >= limits[1, k]
+        pressed = pressed + 1 if outside else 0
+        if pressed > PRESSED:
+            break
         small = 0.0  # squared step in standard errors
         for i in range(unknowns):
             small += right[i] * move[i]
