@@ -21,6 +21,7 @@ from trackerlib.compiled import compiled, warms
 
 START = (0.0, 0.0, -2500.0)  # (4-6), (4-7)
 STEPS = 200
+ATTEMPTS = 7  # two linear starts, the one told, one in each quarter of the box
 PRESSED = 8  # steps in a row against the side of the search box: the answer lies outside
 EXPLAINED = 4.0  # standard errors of chi-square: no further start is tried below this
 LEAST_EXPERIMENTS = {False: (20, 35), True: (30, 45)}  # count, spacing: the thesis's minima still and moving
@@ -152,10 +153,10 @@ def _fix_all(
         work = np.zeros((blocks, ROWS * BLOCK))
         for k in range(chunk * surveys // chunks, (chunk + 1) * surveys // chunks):
             _gather(ship[k], ranges[k], epochs, pairs, work)
-            starts = _starts(ship[k], ranges[k], epochs, start, limits)
             misfit[k], iterations[k], converged[k] = _best_descent(
-                starts, len(pairs), work, gps_variance, range_variance, limits, estimate[k], covariance[k]
-            )
+                ship[k], ranges[k], epochs, len(pairs), start, work, gps_variance, range_variance, limits,
+                estimate[k], covariance[k],
+            )  # fmt: skip
 
 
 @compiled
@@ -328,36 +329,40 @@ def _descend(theta, work, gps_variance, range_variance, limits, covariance):
 
 
 @compiled
-def _starts(ship, ranges, epochs, start, limits):
-    """Places to start from (S, unknowns), the likeliest first; NaN where a system could not be solved."""
+def _place_start(theta, attempt, ship, ranges, epochs, start, limits):
+    """Fills theta with the place that an attempt starts from; whether there is one."""
     unknowns = len(start)
-    starts = np.empty((7, unknowns))
-    starts[:] = start
-    for row, moving in enumerate((unknowns == 6, False)):
+    theta[:] = start
+    if attempt < 2:
+        moving = attempt == 0 and unknowns == 6
         solved, fine = linear_start(ship, ship[:, :2], ranges, epochs, moving)
-        starts[row] = 0.0 if fine else np.nan
-        starts[row, :3] += solved[:3]
+        if not fine or not np.all(np.isfinite(solved)) or (attempt == 1 and unknowns == 3):
+            return False
+        theta[:] = 0.0
+        theta[:3] = solved[:3]
         if moving:
-            starts[row, 3:] += solved[4:]
-        starts[row] = np.minimum(np.maximum(starts[row], 0.9 * limits[0]), 0.9 * limits[1])
-        starts[row, 2] = min(starts[row, 2], 0.02 * limits[0, 2])
-    for quarter in range(4):
-        starts[3 + quarter, 0] = limits[quarter % 2, 0] / 2
-        starts[3 + quarter, 1] = limits[quarter // 2, 1] / 2
-    return starts
+            theta[3:] = solved[4:]
+        for k in range(unknowns):
+            theta[k] = min(max(theta[k], 0.9 * limits[0, k]), 0.9 * limits[1, k])
+        theta[2] = min(theta[2], 0.02 * limits[0, 2])
+    elif attempt > 2:
+        theta[0] = limits[(attempt - 3) % 2, 0] / 2
+        theta[1] = limits[(attempt - 3) // 2, 1] / 2
+    return True
 
 
 @compiled
-def _best_descent(starts, count, work, gps_variance, range_variance, limits, estimate, covariance):
+def _best_descent(
+    ship, ranges, epochs, count, start, work, gps_variance, range_variance, limits, estimate, covariance
+):
     """The lowest place that any start leads to: misfit, steps taken in all, whether it is at rest."""
     unknowns = len(estimate)
     degrees = count - unknowns
     theta, there = np.empty(unknowns), np.empty((unknowns, unknowns))
     best, found, taken = np.inf, False, 0
-    for row in range(len(starts)):
-        if not np.all(np.isfinite(starts[row])):
+    for attempt in range(ATTEMPTS):
+        if not _place_start(theta, attempt, ship, ranges, epochs, start, limits):
             continue
-        theta[:] = starts[row]
         total, steps, rest = _descend(theta, work, gps_variance, range_variance, limits, there)
         taken += steps
         if (rest and not found) or (rest == found and total < best):
