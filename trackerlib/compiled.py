@@ -10,7 +10,9 @@ def _warm(): kernel(small arrays of the usual types)
 from __future__ import annotations
 
 import getpass
+import hashlib
 import os
+import shutil
 import tempfile
 import threading
 from collections.abc import Callable
@@ -18,24 +20,37 @@ from importlib import import_module
 from pathlib import Path
 
 
-def _cache_folder() -> str | None:
-    """Where numba may write its cache, or None to leave that to numba (beside the source)."""
-    if os.environ.get("NUMBA_CACHE_DIR") or os.access(Path(__file__).parent, os.W_OK):
-        return None
+def _cache_folder() -> Path | None:
+    """Where numba may keep compiled kernels, or None to leave that to numba (beside the source).
+
+    Named after the sources of all kernels: numba renews a cached kernel when its own file changes, not when a
+    file changes whose kernels it calls.
+    """
+    package = Path(__file__).parent
+    sources = [path.read_bytes() for path in sorted(package.rglob("*.py"))]
+    kernels = b"".join(text for text in sources if b"numba" in text or b"@compiled" in text)
+    name = hashlib.sha256(kernels).hexdigest()[:12]
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    for folder in (home / "trackerlib", Path(tempfile.gettempdir()) / f"trackerlib-{getpass.getuser()}"):
+    for folder in (
+        package / "__pycache__" / "kernels",
+        home / "trackerlib",
+        Path(tempfile.gettempdir()) / f"trackerlib-{getpass.getuser()}",
+    ):
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            (folder / name).mkdir(parents=True, exist_ok=True)
         except OSError:
             continue
-        if os.access(folder, os.W_OK):
-            return str(folder)
+        if os.access(folder / name, os.W_OK):
+            for other in folder.iterdir():
+                if other.name != name:
+                    shutil.rmtree(other, ignore_errors=True)
+            return folder / name
     return None
 
 
 # numba reads this when it is imported, so it stands before the import.
-if _folder := _cache_folder():
-    os.environ["NUMBA_CACHE_DIR"] = _folder
+if not os.environ.get("NUMBA_CACHE_DIR") and (_folder := _cache_folder()):
+    os.environ["NUMBA_CACHE_DIR"] = str(_folder)
 
 import numba  # noqa: E402
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackerlib.beacon.squared_range import fix_squared_range
-from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS, sail_hexagon
+from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS, run_point, sail_hexagon
 
 
 def survey(scenario, receptions=601):
@@ -102,3 +102,15 @@ def test_shapes_and_noise_that_make_no_sense_are_refused():
         fix_squared_range(np.zeros((1, 9, 2)), np.zeros((1, 9)), np.zeros(9), 3, 0.4)
     with pytest.raises(ValueError, match="wanted"):
         fix_squared_range(np.zeros((1, 9, 3)), np.zeros((1, 9)), np.zeros(9), -3, 0.4)
+
+
+def test_an_ellipsoid_of_a_bent_valley_still_holds_the_truth():
+    """Slow ship, moving beacon: the places that fit lie on a curve 20 standard errors off straight."""
+    study = run_point(4, 25, 45, 3.0, trials=400, seed=5, method="all-pings", speed_mps=1.0)
+    assert study.converged.mean() > 0.995
+    assert 0.925 < study.coverage < 0.98  # four standard errors about 0.955
+
+
+def test_noise_that_rules_the_geometry_is_refused():
+    study = run_point(4, 25, 45, 25.0, trials=100, seed=5, method="all-pings", speed_mps=1.0)
+    assert study.converged.mean() < 0.05

@@ -15,10 +15,12 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from trackerlib.beacon.bent import DRAWS, follow_the_bend
 from trackerlib.compiled import compiled, warms
 
 NEIGHBOURS = 10  # on either side
 STEPS = 50
+LEAST_PIVOT = 1e-12  # of a scaled system that determines its unknowns
 STILL, MOVING = 4, 7  # unknowns: east, north, up and c0, then three velocities
 
 
@@ -77,19 +79,27 @@ def fix_squared_range(
     if ship.shape[1] > unknowns:
         _fix_all(
             ship, ranges, epochs, float(gps_rms_m) ** 2, float(range_rms_m) ** 2, neighbours,
-            estimate, covariance, iterations,
+            DRAWS[unknowns], estimate, covariance, iterations,
         )  # fmt: skip
     return SquaredRangeFixes(estimate, covariance, iterations > 0, iterations)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
 def _fix_all(
-    ship, ranges, epochs, gps_variance, range_variance, neighbours, estimate, covariance, iterations
+    ship, ranges, epochs, gps_variance, range_variance, neighbours, draws, estimate, covariance, iterations
 ):
     for k in numba.prange(len(ship)):
         smooth = _smooth(ship[k], epochs, neighbours)
         iterations[k] = _fix_one(
-            ship[k], smooth, ranges[k], epochs, gps_variance, range_variance, estimate[k], covariance[k]
+            ship[k],
+            smooth,
+            ranges[k],
+            epochs,
+            gps_variance,
+            range_variance,
+            draws,
+            estimate[k],
+            covariance[k],
         )
 
 
@@ -123,6 +133,20 @@ def _smooth(ship, epochs, neighbours):
 
 
 @compiled
+def _instrument(theta, height, east, north, t, gps_variance, range_variance, instrument):
+    """Fills `instrument` (P,) for one ping from its neighbours' place for the ship; the ping's weight."""
+    ix, iy, z = east - theta[0], north - theta[1], theta[2] - height
+    if len(theta) > 4:
+        ix, iy, z = ix - t * theta[4], iy - t * theta[5], z + t * theta[6]
+    h2 = ix * ix + iy * iy
+    s2 = h2 + z * z
+    instrument[0], instrument[1], instrument[2], instrument[3] = -2 * ix, -2 * iy, 2 * z, 2 * np.sqrt(s2)
+    for k in range(4, len(theta)):
+        instrument[k] = t * instrument[k - 4]
+    return 1 / (4 * h2 * gps_variance + 4 * gps_variance**2 + 4 * s2 * range_variance + 2 * range_variance**2)
+
+
+@compiled
 def _sums(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, score, own, spread):
     """Score sum of w J q, its matrix sum of w J J_own' and its variance sum of w J J'."""
     unknowns = len(theta)
@@ -132,25 +156,16 @@ def _sums(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, sco
     instrument, slope = np.empty(unknowns), np.empty(unknowns)
     for n in range(len(ship)):
         t = epochs[n]
-        px, py, pz = theta[0], theta[1], theta[2]
+        w = _instrument(
+            theta, ship[n, 2], smooth[n, 0], smooth[n, 1], t, gps_variance, range_variance, instrument
+        )
+        dx, dy, z = ship[n, 0] - theta[0], ship[n, 1] - theta[1], theta[2] - ship[n, 2]
         if unknowns > 4:
-            px += t * theta[4]
-            py += t * theta[5]
-            pz += t * theta[6]
-        dx, dy, z = ship[n, 0] - px, ship[n, 1] - py, pz - ship[n, 2]
+            dx, dy, z = dx - t * theta[4], dy - t * theta[5], z + t * theta[6]
         s = ranges[n] - theta[3]
         q = dx * dx + dy * dy - 2 * gps_variance + z * z - s * s + range_variance
-        ix, iy = smooth[n, 0] - px, smooth[n, 1] - py
-        h2 = ix * ix + iy * iy
-        s2 = h2 + z * z
-        slant = np.sqrt(s2)
-        w = 1 / (
-            4 * h2 * gps_variance + 4 * gps_variance**2 + 4 * s2 * range_variance + 2 * range_variance**2
-        )
-        instrument[0], instrument[1], instrument[2], instrument[3] = -2 * ix, -2 * iy, 2 * z, 2 * slant
         slope[0], slope[1], slope[2], slope[3] = -2 * dx, -2 * dy, 2 * z, 2 * s
         for k in range(4, unknowns):
-            instrument[k] = t * instrument[k - 4]
             slope[k] = t * slope[k - 4]
         for i in range(unknowns):
             score[i] += w * instrument[i] * q
@@ -161,18 +176,47 @@ def _sums(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, sco
 
 @compiled
 def _scaled_solve(matrix, right):
-    """Solution of a symmetric-looking system after scaling by its diagonal, and whether it is well determined."""
+    """Solution of a symmetric-looking system scaled by its diagonal, and whether it is well determined.
+
+    By elimination with row exchange; a pivot below LEAST_PIVOT of the scaled system says that it is not.
+    """
+    count = len(matrix)
     scale = np.sqrt(np.abs(np.diag(matrix)))
-    for k in range(len(scale)):
-        if not scale[k] > 0:
-            return right * np.nan, False
-    scaled = matrix / scale.reshape(-1, 1) / scale.reshape(1, -1)
-    if not np.all(np.isfinite(scaled)):
-        return right * np.nan, False
-    if np.linalg.cond(scaled) > 1e12:
-        return right * np.nan, False
-    solved = np.linalg.solve(scaled, right / scale.reshape(-1, 1))
-    return solved / scale.reshape(-1, 1), True
+    left, solved = np.empty((count, count)), np.empty(right.shape)
+    for i in range(count):
+        if not 0 < scale[i] < np.inf:
+            return solved, False
+    for i in range(count):
+        for j in range(count):
+            left[i, j] = matrix[i, j] / (scale[i] * scale[j])
+        solved[i] = right[i] / scale[i]
+    for k in range(count):
+        best = k
+        for i in range(k + 1, count):
+            if abs(left[i, k]) > abs(left[best, k]):
+                best = i
+        if not abs(left[best, k]) > LEAST_PIVOT:
+            return solved, False
+        if best != k:
+            for j in range(k, count):
+                left[k, j], left[best, j] = left[best, j], left[k, j]
+            for j in range(right.shape[1]):
+                solved[k, j], solved[best, j] = solved[best, j], solved[k, j]
+        for i in range(k + 1, count):
+            share = left[i, k] / left[k, k]
+            for j in range(k + 1, count):
+                left[i, j] -= share * left[k, j]
+            for j in range(right.shape[1]):
+                solved[i, j] -= share * solved[k, j]
+    for k in range(count - 1, -1, -1):
+        for j in range(right.shape[1]):
+            value = solved[k, j]
+            for i in range(k + 1, count):
+                value -= left[k, i] * solved[i, j]
+            solved[k, j] = value / left[k, k]
+    for i in range(count):
+        solved[i] /= scale[i]
+    return solved, True
 
 
 @compiled
@@ -218,7 +262,7 @@ def linear_start(ship, smooth, ranges, epochs, moving):
 
 
 @compiled
-def _descend(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance):
+def _descend(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, draws, estimate, covariance):
     """Newton's steps, halved while the score's own size grows; how many were needed, 0 if they did not settle."""
     unknowns = len(theta)
     score = np.empty((unknowns, 1))
@@ -262,32 +306,53 @@ def _descend(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, 
             inverse, fine = _scaled_solve(own, np.eye(unknowns))
             if not fine:
                 return 0
-            estimate[:] = theta
             covariance[:] = inverse @ spread @ inverse.T
+            moments = _moments(theta, ship, smooth, epochs, gps_variance, range_variance)
+            if not follow_the_bend(own, spread, moments, draws, covariance):
+                return 0
+            estimate[:] = theta
             return step
     return 0
 
 
 @compiled
-def _fix_one(ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance):
+def _moments(theta, ship, smooth, epochs, gps_variance, range_variance):
+    """Sums (P, 3) over the pings of weight times instrument times 1, t and t squared."""
+    unknowns = len(theta)
+    moments = np.zeros((unknowns, 3))
+    instrument = np.empty(unknowns)
+    for n in range(len(ship)):
+        w = _instrument(
+            theta, ship[n, 2], smooth[n, 0], smooth[n, 1], epochs[n], gps_variance, range_variance, instrument
+        )
+        for i in range(unknowns):
+            for power in range(3):
+                moments[i, power] += w * instrument[i] * epochs[n] ** power
+    return moments
+
+
+@compiled
+def _fix_one(ship, smooth, ranges, epochs, gps_variance, range_variance, draws, estimate, covariance):
     unknowns = len(estimate)
     still, fine = linear_start(ship, smooth, ranges, epochs, False)
     if not fine:
         return 0
     if unknowns == 4:
         return _descend(
-            still, ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance
+            still, ship, smooth, ranges, epochs, gps_variance, range_variance, draws, estimate, covariance
         )
     free, fine = linear_start(ship, smooth, ranges, epochs, True)
     if fine:
         steps = _descend(
-            free, ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance
+            free, ship, smooth, ranges, epochs, gps_variance, range_variance, draws, estimate, covariance
         )
         if steps > 0:
             return steps
     theta = np.zeros(unknowns)
     theta[:4] = still
-    return _descend(theta, ship, smooth, ranges, epochs, gps_variance, range_variance, estimate, covariance)
+    return _descend(
+        theta, ship, smooth, ranges, epochs, gps_variance, range_variance, draws, estimate, covariance
+    )
 
 
 @warms

@@ -70,6 +70,11 @@ def report(document: dict) -> str:
         f"SIMULATED: scenario {document['scenario']}, {document['converged']} of {document['trials']} fixes converged, "
         f"{document['fixes_per_s']:.0f} a second"
     ]
+    if document["converged"] < document["trials"]:
+        lines.append(
+            "  the others were refused: the geometry does not show the beacon at this noise, or no place fits; "
+            "a faster ship, a longer survey or better positions would help"
+        )
     if document["converged"]:
         for name, rmse in document["rmse"].items():
             bound = document["crlb"][name]
