@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trackerlib.beacon.fix_pairs import fix_experiments
+from trackerlib.beacon.folds import refold
 from trackerlib.beacon.minimise import (
     Problem,
     Region,
@@ -22,6 +24,7 @@ from trackerlib.beacon.minimise import (
     settle,
     starts,
 )
+from trackerlib.beacon.motion import Motion, motion_over
 from trackerlib.beacon.observability import (
     UNSEEN_SHARE,
     StraightTrack,
@@ -32,124 +35,61 @@ from trackerlib.beacon.observability import (
 )
 from trackerlib.beacon.paths import StraightPaths, paths_through
 from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.result import BeaconFix, Solution, blank_fix, time_sigma, unfolded_times
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
-from trackerlib.beacon.uncertainty import (
-    Ellipse,
-    SlowErrors,
-    Uncertainty,
-    ellipse95,
-    uncertainty_of,
-)
-from trackerlib.frames import LocalFrame
+from trackerlib.beacon.squared_range import NEIGHBOURS, fix_squared_range, linear_start
+from trackerlib.beacon.uncertainty import SlowErrors, uncertainty_of
 from trackerlib.residuals import residual_correlation
-from trackerlib.rounding import value_with_sigma
 
 SEARCH_PINGS = 300  # the search looks at no more pings than this, evenly chosen; the fix at all
 SPARE_PINGS = 3  # pings beyond the number of unknowns below which a fix is refused
 TYPICAL_DEPTH_M = 2000.0  # to which the search takes the mean of a profile's speed
 SAME_PLACE_SHARE = 0.02  # of the slant range: solutions closer than this are one
 UNREACHABLE = "no ray through this profile reaches any place in the search region"
+FOLDED_ROUNDS = 4  # fixes after which no folded time may move any more
+NEIGHBOUR_SHARE = 0.1  # of the slant range: farther than this, neighbours say little of the ship's place
 AS_LIKELY = 9.0  # chi-square by which another solution may fit worse and still count (3 sigma)
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """One place that fits the pings."""
-
-    lat_deg: float
-    lon_deg: float
-    depth_m: float
-    east_m: float
-    north_m: float
-    misfit: float  # robust chi-square above the best solution's
-
-
-@dataclass(frozen=True, eq=False)
-class BeaconFix:
-    """Where the beacon is, how sure that is, or why it cannot be said.
-
-    Not converged means that `reason` says what is wrong and what would help; a position that comes
-    with it is the best guess so far and is drawn hollow.
-    """
-
-    converged: bool
-    reason: str | None
-    frame: LocalFrame  # origin: the ship's place at the first ping
-    ship: np.ndarray  # (N, 3) hydrophone east, north, up [m]
-    number: np.ndarray  # (N,) ping numbers
-    used: np.ndarray  # (N,) which pings the fix rests on
-    position: np.ndarray | None = None  # (3,) east, north, up [m]
-    lat_deg: float | None = None
-    lon_deg: float | None = None
-    depth_m: float | None = None  # below the sea surface
-    residual_s: np.ndarray | None = None  # (N,) time minus fit, also of pings left out
-    uncertainty: Uncertainty | None = None
-    emission_offset_s: float | None = None  # the constant in every time that is not travel
-    sound_speed_mps: float | None = None  # mean speed on the way down
-    unobservable: tuple[Unobservable, ...] = ()
-    alternatives: tuple[Solution, ...] = ()
-    along_track_m: float | None = None  # from the first ping, along a straight track
-    closest_slant_range_m: float | None = None  # from a straight track
-    method: str = "all-pings"
-    simulated: bool = False
-
-    @property
-    def ellipse(self) -> Ellipse | None:
-        """95 % ellipse on the map."""
-        return None if self.uncertainty is None else ellipse95(self.uncertainty.covariance)
-
-    @property
-    def sigma(self) -> np.ndarray | None:
-        """Standard errors (3,) [m] east, north, depth."""
-        return None if self.uncertainty is None else self.uncertainty.sigma
-
-    @property
-    def rejected(self) -> np.ndarray:
-        """Numbers of the pings that the fix does not rest on."""
-        return self.number[~self.used]
-
-    def __str__(self) -> str:
-        if self.position is None:
-            return f"no fix: {self.reason}"
-        head = "" if self.converged else f"not converged: {self.reason}\n"
-        if self.uncertainty is None:
-            return f"{head}best guess {self.lat_deg:.6f}, {self.lon_deg:.6f}, depth {self.depth_m:.0f} m"
-        east, north, depth = self.sigma
-        shape = self.ellipse
-        return (
-            f"{head}{self.lat_deg:.6f}, {self.lon_deg:.6f} "
-            f"(± {east:.2g} m east, ± {north:.2g} m north; 95 % ellipse {shape.semi_major_m:.2g} by "
-            f"{shape.semi_minor_m:.2g} m, long axis {shape.bearing_deg:.0f}°)\n"
-            f"depth {value_with_sigma(self.depth_m, depth, 'm')}, {int(self.used.sum())} of {len(self.used)} pings, "
-            f"rms {1e3 * self.uncertainty.rms_s:.2g} ms"
-        )
 
 
 def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
     """The beacon's position with its uncertainty, or the reason why there is none.
 
-    Times may carry any unknown constant (unless settings.emission_known). Errors of ship position
-    (settings.gps_rms_m) and of time are weighed together; where gps_rms_m is None all pings weigh
-    alike. Either way the scale of the errors is taken from the residuals.
+    Times may carry any unknown constant (unless settings.emission_known), and any number of whole intervals if
+    settings.interval_s is told. Errors of ship position (settings.gps_rms_m) and of time are weighed together,
+    and the bias that noisy ship positions give is taken out; where gps_rms_m is None all pings weigh alike.
+    Either way the scale of the errors is taken from the residuals. A moving beacon's position is that at the
+    first ping (3-2); `BeaconFix.at` gives others.
     """
     settings = settings or FixSettings()
-    frame = (
-        LocalFrame(float(pings.lat_deg[0]), float(pings.lon_deg[0])) if len(pings) else LocalFrame(0.0, 0.0)
-    )
-    ship = frame.to_local(pings.lat_deg, pings.lon_deg, pings.up_m)
-    allowed = np.isfinite(pings.travel_time_s) & np.isfinite(ship).all(axis=1)
-    allowed &= ~np.isin(pings.number, list(settings.left_out))
-    blank = BeaconFix(False, None, frame, ship, pings.number, allowed.copy(), simulated=pings.simulated)
-    needed = (3 if settings.emission_known else 4) + SPARE_PINGS
+    if settings.method == "pairs":
+        return fix_experiments(pings, settings)
+    blank, allowed = blank_fix(pings, settings)
+    motion = motion_over(settings.motion, blank.elapsed_s)
+    needed = len(motion.axes) + (0 if settings.emission_known else 1) + SPARE_PINGS
     if allowed.sum() < needed:
         return replace(
             blank,
             reason=f"{int(allowed.sum())} usable pings; with fewer than {needed} the unknowns fit anything, "
             "so collect more",
         )
-    problem = _problem(pings, ship, allowed, settings)
+    if motion.moving and not pings.timed and settings.interval_s is None:
+        return replace(
+            blank,
+            reason="a moving beacon needs the instant of each ping: a column utc or time_s, or the interval",
+        )
+    problem = _problem(pings, blank, allowed, settings, motion)
+    frame = blank.frame
     extra = None if settings.start is None else frame.to_local(*settings.start[:2], -settings.start[2])
-    return _Attempt(problem, blank, allowed, settings, pings.utc[allowed], extra).result()
+    fix = _Attempt(problem, motion, blank, allowed, settings, extra).result()
+    for _ in range(FOLDED_ROUNDS if settings.interval_s else 0):
+        if fix.residual_s is None:
+            break
+        time = refold(problem.time, fix.residual_s[allowed], settings.interval_s)
+        if np.array_equal(time, problem.time):
+            break
+        problem = replace(problem, time=time)
+        fix = _Attempt(problem, motion, blank, allowed, settings, extra).result()
+    return fix
 
 
 def fix_history(
@@ -160,24 +100,30 @@ def fix_history(
         yield count, fix_beacon(pings.only(slice(0, count)), settings)
 
 
-def _problem(pings: Pings, ship: np.ndarray, allowed: np.ndarray, settings: FixSettings) -> Problem:
-    step_s = pings.time_step_s if settings.sample_interval_ms is None else settings.sample_interval_ms * 1e-3
-    region = Region(ship[allowed, :2].mean(axis=0), settings.max_range_m, settings.max_depth_m)
-    paths = paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m)
+def _problem(pings, blank, allowed, settings, motion) -> Problem:
+    ship = blank.ship[allowed]
+    region = Region(
+        ship[:, :2].mean(axis=0),
+        settings.max_range_m,
+        settings.max_depth_m,
+        settings.max_speed_mps * motion.half_s,
+    )
     return Problem(
-        ship=ship[allowed],
-        time=pings.travel_time_s[allowed],
-        paths=paths,
+        ship=ship,
+        time=unfolded_times(pings, blank.ship, allowed, settings),
+        paths=paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m),
         region=region,
         gps_rms_m=settings.gps_rms_m or 0.0,
-        time_sigma_s=max(step_s / np.sqrt(12), 1e-6),
+        time_sigma_s=time_sigma(pings, settings),
         emission_known=settings.emission_known,
+        share=motion.shares(blank.elapsed_s[allowed]),
+        axes=motion.axes,
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    position: np.ndarray  # (3,)
+    position: np.ndarray  # (P,) state
     keep: np.ndarray  # (n,) of the allowed pings
     settled: bool
     cost: float
@@ -188,26 +134,30 @@ class _Attempt:
     """One fix on its way: search, settle, judge."""
 
     problem: Problem
+    motion: Motion
     blank: BeaconFix
     allowed: np.ndarray
     settings: FixSettings
-    utc: np.ndarray  # (n,) of the allowed pings
     extra_start: np.ndarray | None
 
     def result(self) -> BeaconFix:
         track = straight_track(self.problem.ship)
         ship_sigma = ASSUMED_SHIP_RMS_M if self.settings.gps_rms_m is None else self.settings.gps_rms_m
         if track.is_straight(max(ship_sigma, 0.1)):
-            return self._on_a_circle(track)
+            if not self.motion.moving:
+                return self._on_a_circle(track)
+            beside = unseen_beside_line(track)
+            return replace(self.blank, reason=beside[0].why, unobservable=beside)
+        unseen: tuple[Unobservable, ...] = ()
         candidates = self._candidates()
         if not candidates:
             return replace(self.blank, reason=UNREACHABLE)
         best = candidates[0]
-        fix = self._describe(best)
-        unseen: tuple[Unobservable, ...] = ()
+        fix = self._describe(best, self._unbiased(best))
         if fix.uncertainty is not None:
-            slant_range = float(np.median(np.linalg.norm(best.position - self.problem.ship, axis=1)))
-            unseen = unseen_directions(fix.uncertainty.covariance, slant_range, track)
+            slant_range = self.problem.slant_range(best.position)
+            for instant in (0.0, 2 * self.motion.half_s)[: 1 + self.motion.moving]:
+                unseen = unseen or unseen_directions(fix.at(instant)[1], slant_range, track)
         others = tuple(
             self._solution(other.position, other.cost - best.cost)
             for other in candidates[1:]
@@ -229,10 +179,11 @@ class _Attempt:
     def _candidates(self) -> list[_Candidate]:
         """Distinct places that fit, best first."""
         straight, search = self._quick()
-        found, scale = robust_descent(straight, starts(self.problem, self.extra_start), rounds=12, steps=6)
+        first = np.concatenate([starts(self.problem, self.extra_start), self._linear_start(straight)])
+        found, scale = robust_descent(straight, first, rounds=12, steps=6)
         found = found[self._distinct(found, self._cost(found, float(scale.min()), straight))[:6]]
         found, scale = robust_descent(search, found, rounds=8, steps=6)
-        reachable = np.isfinite(search.paths.times(found, search.ship)[0]).mean(axis=1) > 0.5
+        reachable = np.isfinite(search.times(found)[0]).mean(axis=1) > 0.5
         found, scale = found[reachable], scale[reachable]
         if not len(found):
             return []
@@ -243,6 +194,16 @@ class _Attempt:
         positions = np.array([position for position, _, _ in settled])
         cost = self._cost(positions, self._common_scale(settled), self.problem)
         return [_Candidate(*settled[k], float(cost[k])) for k in self._distinct(positions, cost)]
+
+    def _linear_start(self, straight: Problem) -> np.ndarray:
+        """The state (0 or 1, P) that solves the equations linear in squared ranges, along straight paths."""
+        ranges = straight.time * straight.paths.mean_speed(TYPICAL_DEPTH_M)
+        ship = np.ascontiguousarray(straight.ship)
+        solved, fine = linear_start(ship, ship[:, :2], ranges, straight.share, self.motion.moving)
+        if not fine or not np.isfinite(solved).all():
+            return np.empty((0, straight.axes.shape[1]))
+        state = np.concatenate([solved[:3], solved[4:]])
+        return straight.region.clip((state @ straight.axes.T @ straight.axes)[None])
 
     def _common_scale(self, settled) -> float:
         scales = []
@@ -263,7 +224,7 @@ class _Attempt:
         """Indices of places farther apart than SAME_PLACE_SHARE of the slant range, cheapest first."""
         kept: list[int] = []
         for k in np.argsort(cost):
-            slant_range = np.median(np.linalg.norm(positions[k] - self.problem.ship, axis=1))
+            slant_range = self.problem.slant_range(positions[k])
             apart = [np.linalg.norm(positions[k] - positions[j]) for j in kept]
             if all(distance > SAME_PLACE_SHARE * slant_range for distance in apart):
                 kept.append(int(k))
@@ -273,16 +234,58 @@ class _Attempt:
         length = 1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length
         return (other.cost - best.cost) / length < AS_LIKELY
 
-    def _describe(self, candidate: _Candidate) -> BeaconFix:
-        """The candidate as a fix that nobody has judged yet."""
-        problem, position = self.problem, candidate.position
-        misfit = problem.eliminate(position[None], self._weight(candidate))
+    def _unbiased(self, candidate: _Candidate) -> np.ndarray:
+        """The candidate's state (P,) without the bias that noisy ship positions give, where it can be found.
+
+        By squared ranges along straight lines that take as long as the rays do. Restricted motions and unknown
+        noise keep the state as it is.
+        """
+        problem, state = self.problem.only(candidate.keep), candidate.position
+        problem = problem.only(np.argsort(problem.share, kind="stable"))
+        if not problem.gps_rms_m or problem.emission_known or self.motion.kind not in ("still", "free"):
+            return state
+        misfit = self.problem.eliminate(state[None], self._weight(candidate))
+        time_error = np.sqrt(misfit.sum_of_squares[0] / max(len(problem.time) - problem.unknowns, 1))
+        gradient = problem.times(state[None])[1][0, :, :2]
+        stated = problem.time_sigma_s**2 + problem.gps_rms_m**2 * (gradient**2).sum(axis=1)
+        scale = time_error / np.sqrt(np.median(stated))
+        spacing = np.median(np.linalg.norm(np.diff(problem.ship[:, :2], axis=0), axis=1))
+        reach = NEIGHBOUR_SHARE * problem.slant_range(state)
+        neighbours = int(np.clip(reach / max(spacing, 1e-3), 2, NEIGHBOURS))
+        offset = misfit.offset[0]
+        for _ in range(3):
+            travel_time = problem.times(state[None])[0][0]
+            distance = np.linalg.norm(problem.places(state[None])[0] - problem.ship, axis=-1)
+            speed = distance / travel_time
+            found = fix_squared_range(
+                problem.ship[None],
+                (distance + speed * (problem.time - offset - travel_time))[None],
+                problem.share,
+                scale * problem.gps_rms_m,
+                scale * problem.time_sigma_s * float(np.median(speed)),
+                moving=self.motion.moving,
+                neighbours=neighbours,
+            )
+            if not found.converged[0]:
+                return candidate.position
+            offset += found.estimate[0, 3] / float(np.median(speed))
+            state = np.concatenate([found.estimate[0, :3], found.estimate[0, 4:]])
+        return state
+
+    def _describe(self, candidate: _Candidate, state: np.ndarray | None = None) -> BeaconFix:
+        """The candidate as a fix that nobody has judged yet, at a state (P,) if not its own."""
+        problem = self.problem
+        state = candidate.position if state is None else state
+        misfit = problem.eliminate(state[None], self._weight(candidate))
+        first = self.motion.at(0.0)
+        position = (first @ state)[:3]
         lat, lon, up = self.blank.frame.to_geodetic(position)
         mean_speed = problem.paths.mean_speed(max(-float(up), 0.0))
         uncertainty = uncertainty_of(
             misfit,
             candidate.keep,
             unknowns=problem.unknowns,
+            axes=problem.axes,
             floor_s=problem.time_sigma_s,
             mean_speed_mps=mean_speed,
             speed_sigma_mps=self.settings.speed_sigma_mps,
@@ -295,26 +298,27 @@ class _Attempt:
         return replace(
             self.blank,
             position=position,
+            velocity=(first @ state)[3:] if self.motion.moving else None,
             lat_deg=float(lat),
             lon_deg=float(lon),
             depth_m=-float(up),
             used=used,
             residual_s=residual,
-            uncertainty=uncertainty,
+            uncertainty=None if uncertainty is None else uncertainty.turned(first),
             emission_offset_s=float(misfit.offset[0]),
             sound_speed_mps=mean_speed,
         )
 
     def _weight(self, candidate: _Candidate) -> np.ndarray:
         """Weights (1, n) of the pings at a candidate, zero at those left out."""
-        gradient = self.problem.paths.times(candidate.position[None], self.problem.ship)[1]
+        gradient = self.problem.times(candidate.position[None])[1]
         return candidate.keep * np.nan_to_num(self.problem.relative_weight(gradient))
 
     def _ship_errors(self, keep: np.ndarray) -> SlowErrors | None:
         """Assumed slow errors of the ship's position at the pings used; None where its error is told."""
         if self.settings.gps_rms_m is not None:
             return None
-        return SlowErrors(ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, self.utc[keep])
+        return SlowErrors(ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, self.blank.elapsed_s[self.allowed][keep])
 
     def _objection(self, best, fix, unseen, others) -> str | None:
         """Why this fix must not be believed, or None."""
@@ -343,8 +347,8 @@ class _Attempt:
 
     def _as_steep_as_stated(self, best: _Candidate, fix: BeaconFix) -> bool:
         """Whether two noise sigmas along the weakest direction really cost what the ellipse says (4)."""
-        covariance = fix.uncertainty.noise_covariance
-        values, vectors = np.linalg.eigh(covariance)
+        to_state = np.linalg.inv(self.motion.at(0.0))
+        values, vectors = np.linalg.eigh(to_state @ fix.uncertainty.noise_covariance @ to_state.T)
         step = 2 * np.sqrt(values[-1]) * vectors[:, -1]
         places = self.problem.region.clip(
             np.array([best.position, best.position + step, best.position - step])
@@ -367,7 +371,7 @@ class _Attempt:
             self._in_plane(track, float(below @ track.along), float(below @ down), slope) for slope in slopes
         ]
         lowest = min(pair, key=lambda candidate: candidate.cost)
-        if not np.isfinite(self.problem.paths.times(lowest.position[None], self.problem.ship)[0]).any():
+        if not np.isfinite(self.problem.times(lowest.position[None])[0]).any():
             return replace(self.blank, reason=UNREACHABLE)
         offsets = np.array([candidate.position - track.centre for candidate in pair])
         along_each = offsets @ track.along
@@ -427,7 +431,8 @@ class _Attempt:
             position, keep, at_rest, float(self._cost(position[None], float(scale[0]), self.problem)[0])
         )
 
-    def _solution(self, position: np.ndarray, misfit: float) -> Solution:
+    def _solution(self, state: np.ndarray, misfit: float) -> Solution:
+        position = (self.motion.at(0.0) @ state)[:3]
         lat, lon, up = self.blank.frame.to_geodetic(position)
         return Solution(
             float(lat), float(lon), -float(up), float(position[0]), float(position[1]), float(misfit)

@@ -8,7 +8,7 @@ places that make their own weights small.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from trackerlib.beacon.paths import Paths, depth_below_surface
 
 TUKEY = 4.685  # biweight tuning constant, 95 % efficient on normal errors
 CUT = 5.0  # a ping farther than this many scales from the fit is a false return
-FREE = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +25,10 @@ class Region:
     centre: np.ndarray  # (2,) east, north [m]
     max_range_m: float
     max_depth_m: float
+    max_moved_m: float = np.inf  # in half the survey
 
     def clip(self, beacon: np.ndarray) -> np.ndarray:
-        """Positions (S, 3) brought back inside; above the surface counts as its mirror below it."""
+        """States (S, P) brought back inside; above the surface counts as its mirror below it."""
         out = beacon.copy()
         from_centre = out[:, :2] - self.centre
         distance = np.hypot(*from_centre.T)
@@ -36,14 +36,19 @@ class Region:
         out[:, :2] = self.centre + from_centre * shrink[:, None]
         depth = depth_below_surface(out)
         out[:, 2] += depth - np.minimum(np.abs(depth), self.max_depth_m)
+        if out.shape[1] > 3:
+            moved = np.linalg.norm(out[:, 3:], axis=1)
+            out[:, 3:] *= np.minimum(1.0, self.max_moved_m / np.maximum(moved, 1e-9))[:, None]
         return out
 
     def edge(self, beacon: np.ndarray) -> str | None:
-        """Which edge of the region a position (3,) stands on, in words; None inside it."""
+        """Which edge of the region a state (P,) stands on, in words; None inside it."""
         if np.hypot(*(beacon[:2] - self.centre)) > 0.9999 * self.max_range_m:
             return f"the greatest range ({self.max_range_m:g} m from the ship's mean position)"
         if depth_below_surface(beacon) > 0.9999 * self.max_depth_m:
             return f"the greatest depth ({self.max_depth_m:g} m)"
+        if len(beacon) > 3 and np.linalg.norm(beacon[3:]) > 0.9999 * self.max_moved_m:
+            return "the greatest speed"
         return None
 
 
@@ -58,18 +63,34 @@ class Problem:
     gps_rms_m: float  # ship position error per horizontal axis; 0 weighs all pings alike
     time_sigma_s: float  # error of one time before ship position enters; the scale's floor
     emission_known: bool
+    share: np.ndarray  # (N,) instants from -1 at the first ping to 1 at the last, see Motion
+    axes: np.ndarray  # (K, P) free directions of a state, see Motion
 
     def only(self, keep) -> Problem:
         """The same problem with some of its pings."""
-        return Problem(
-            self.ship[keep], self.time[keep], self.paths, self.region,
-            self.gps_rms_m, self.time_sigma_s, self.emission_known,
-        )  # fmt: skip
+        return replace(self, ship=self.ship[keep], time=self.time[keep], share=self.share[keep])
 
     @property
     def unknowns(self) -> int:
-        """How many numbers are estimated: position, and the emission offset unless it is known."""
-        return 3 if self.emission_known else 4
+        """How many numbers are estimated: free directions, and the emission offset unless it is known."""
+        return len(self.axes) + (0 if self.emission_known else 1)
+
+    def places(self, state: np.ndarray) -> np.ndarray:
+        """Where beacons with states (S, P) are at each ping: (S, 3) if still, (S, N, 3) if moving."""
+        if state.shape[1] == 3:
+            return state
+        return state[:, None, :3] + self.share[:, None] * state[:, None, 3:]
+
+    def times(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Travel times (S, N) [s] and gradients (S, N, P) [s/m] at states (S, P)."""
+        travel_time, gradient = self.paths.times(self.places(state), self.ship)
+        if state.shape[1] > 3:
+            gradient = np.concatenate([gradient, self.share[:, None] * gradient], axis=-1)
+        return travel_time, gradient
+
+    def slant_range(self, state: np.ndarray) -> float:
+        """Median distance [m] from the ship to a beacon with this state (P,)."""
+        return float(np.median(np.linalg.norm(self.places(state[None])[0] - self.ship, axis=-1)))
 
     def relative_weight(self, gradient: np.ndarray) -> np.ndarray:
         """Weight of each ping (S, N) from its time error and its ship position's error, mean near 1."""
@@ -80,8 +101,8 @@ class Problem:
         return np.median(variance, axis=1, keepdims=True) / variance
 
     def eliminate(self, beacon, weight) -> Misfit:
-        """Residuals and gradients at beacons (S, 3) with the emission offset taken out."""
-        travel_time, time_gradient = self.paths.times(beacon, self.ship)
+        """Residuals and gradients at states (S, P) with the emission offset taken out."""
+        travel_time, time_gradient = self.times(beacon)
         usable = np.isfinite(travel_time)
         weight = np.where(usable, weight, 0.0)
         residual = np.where(usable, self.time - travel_time, 0.0)
@@ -102,11 +123,11 @@ class Misfit:
     """Residuals at some positions, with the emission offset eliminated."""
 
     residual: np.ndarray  # (S, N) [s]
-    gradient: np.ndarray  # (S, N, 3) [s/m] of the fitted time by position, the offset following
+    gradient: np.ndarray  # (S, N, P) [s/m] of the fitted time by state, the offset following
     weight: np.ndarray  # (S, N)
     offset: np.ndarray  # (S,) [s]
     travel_time: np.ndarray  # (S, N) [s]
-    time_gradient: np.ndarray  # (S, N, 3) [s/m] of the travel time alone
+    time_gradient: np.ndarray  # (S, N, P) [s/m] of the travel time alone
 
     @property
     def sum_of_squares(self) -> np.ndarray:
@@ -115,14 +136,14 @@ class Misfit:
         worst = np.max(np.abs(self.residual), axis=1, initial=1e-3) ** 2
         return (self.weight * self.residual**2).sum(axis=1) + lost.sum(axis=1) * worst
 
-    def normal_matrix(self, axes: np.ndarray = FREE) -> np.ndarray:
-        """Normal matrices (S, K, K) along the free axes (K, 3)."""
+    def normal_matrix(self, axes: np.ndarray) -> np.ndarray:
+        """Normal matrices (S, K, K) along the free axes (K, P)."""
         along = self.gradient @ axes.T
         return np.einsum("snk,sn,snl->skl", along, self.weight, along)
 
 
-def descend(problem, beacon, weight, *, steps, axes=FREE):
-    """Positions (S, 3) after some Levenberg-Marquardt steps with frozen weights, and the last step [m].
+def descend(problem, beacon, weight, *, steps, axes):
+    """States (S, P) after some Levenberg-Marquardt steps with frozen weights, and the last step [m].
 
     Each start has its own damping; a step is kept only where it lessens the sum of squares.
     """
@@ -168,8 +189,12 @@ def biweight_cost(residual: np.ndarray, scale: float) -> np.ndarray:
     return (TUKEY**2 / 3 * (1 - (1 - u**2) ** 3)).sum(axis=1)
 
 
-def robust_descent(problem, beacon, *, rounds, steps, axes=FREE):
-    """Positions (S, 3) after redescending least squares, with the scale (S,) [s] at which it ended."""
+def robust_descent(problem, beacon, *, rounds, steps, axes=None):
+    """States (S, P) after redescending least squares, with the scale (S,) [s] at which it ended.
+
+    axes : free directions, where not those of the problem
+    """
+    axes = problem.axes if axes is None else axes
     weight = np.ones((len(beacon), len(problem.time)))
     for round_number in range(rounds):
         misfit = problem.eliminate(beacon, weight)
@@ -185,12 +210,13 @@ def robust_descent(problem, beacon, *, rounds, steps, axes=FREE):
     return beacon, scale
 
 
-def settle(problem, beacon, scale, *, reject, axes=FREE):
-    """One position (3,) by least squares on the pings within CUT scales, renewed until none changes.
+def settle(problem, beacon, scale, *, reject, axes=None):
+    """One state (P,) by least squares on the pings within CUT scales, renewed until none changes.
 
-    Returns the position, which pings were used (N,), and whether the last step had come to rest.
+    Returns the state, which pings were used (N,), and whether the last step had come to rest.
     With reject="none" every ping is used.
     """
+    axes = problem.axes if axes is None else axes
     beacon = beacon[None]
     keep = np.ones(len(problem.time), bool)
     if reject != "none":
@@ -202,7 +228,7 @@ def settle(problem, beacon, scale, *, reject, axes=FREE):
     seen: set[bytes] = set()
     for _ in range(12):
         for _ in range(3):  # weights follow the geometry, frozen within each descent
-            gradient = problem.paths.times(beacon, problem.ship)[1]
+            gradient = problem.times(beacon)[1]
             weight = keep * np.nan_to_num(problem.relative_weight(gradient))
             beacon, moved = descend(problem, beacon, weight, steps=30, axes=axes)
         if reject == "none":
@@ -218,7 +244,7 @@ def settle(problem, beacon, scale, *, reject, axes=FREE):
 
 
 def starts(problem: Problem, extra: np.ndarray | None = None) -> np.ndarray:
-    """Starting positions (S, 3): four bearings at four depths about the ship's track, and any told."""
+    """Starting states (S, P), at rest: four bearings at four depths about the ship's track, and any told."""
     extent = max(np.ptp(problem.ship[:, 0]), np.ptp(problem.ship[:, 1]), 200.0)
     depths = np.array([0.02, 0.1, 0.25, 0.6]) * min(problem.region.max_depth_m, 10_000.0)
     angles = np.pi / 2 * np.arange(4) + 0.3
@@ -226,4 +252,5 @@ def starts(problem: Problem, extra: np.ndarray | None = None) -> np.ndarray:
     grid = np.array([(*place, -depth) for depth in depths for place in east_north])
     if extra is not None:
         grid = np.concatenate([grid, np.atleast_2d(extra)])
-    return problem.region.clip(grid)
+    still = np.zeros((len(grid), problem.axes.shape[1] - 3))
+    return problem.region.clip(np.concatenate([grid, still], axis=1))

@@ -141,6 +141,37 @@ def fix_pairs(
     return fixes
 
 
+def shared_covariance(
+    ship: np.ndarray,
+    ranges: np.ndarray,
+    epochs: np.ndarray,
+    pairs: np.ndarray,
+    state: np.ndarray,
+    gps_rms_m: float,
+    range_rms_m: float,
+) -> np.ndarray:
+    """Covariance (P, P) of one fix, the errors of a reception counted once in every experiment that holds it.
+
+    ship (R, 3), ranges (R,), epochs (R,), pairs (N, 2) as for `fix_pairs`; state (P,) what it came to.
+    D^-1 (3-20) is this where no two experiments share a reception.
+    """
+    moving = len(state) > 3
+    place = state[:3] + (epochs[:, None] * state[3:] if moving else 0.0)
+    offset = place - ship
+    direction = offset / np.linalg.norm(offset, axis=1)[:, None]
+    slope = np.hstack([direction, epochs[:, None] * direction]) if moving else direction
+    b = slope[pairs[:, 0]] - slope[pairs[:, 1]]
+    variance = gps_rms_m**2 * np.sum(direction[:, :2] ** 2, axis=1) + range_rms_m**2  # of one reception
+    c = variance[pairs].sum(axis=1)
+    sign = np.zeros((len(pairs), len(epochs)))
+    rows = np.arange(len(pairs))
+    sign[rows, pairs[:, 0]], sign[rows, pairs[:, 1]] = 1.0, -1.0
+    pull = (b / c[:, None]).T @ sign  # (P, R): how each reception's error moves the normal equations
+    scale = np.linalg.norm(b / np.sqrt(c)[:, None], axis=0)
+    root = np.linalg.inv((b / c[:, None]).T @ b / np.outer(scale, scale)) / np.outer(scale, scale)
+    return root @ (pull * variance) @ pull.T @ root
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
 def _fix_all(
     ship, ranges, epochs, pairs, gps_variance, range_variance, start, limits, threads,

@@ -29,7 +29,8 @@ class Paths(Protocol):
     def times(self, beacon: np.ndarray, ship: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Travel times (S, N) [s] to beacons (S, 3) from ships (N, 3), and gradients (S, N, 3) [s/m].
 
-        The gradient is by the beacon's position. NaN where no direct path exists.
+        Beacons that move are (S, N, 3), one place a ping. The gradient is by the beacon's position. NaN where
+        no direct path exists.
         """
 
     def mean_speed(self, beacon_depth: float) -> float:
@@ -43,7 +44,7 @@ class StraightPaths:
     speed_mps: float
 
     def times(self, beacon, ship):
-        offset = beacon[:, None, :] - ship
+        offset = _each(beacon) - ship
         slant_range = np.sqrt(np.einsum("snk,snk->sn", offset, offset))
         gradient = offset / (np.maximum(slant_range, 1e-9) * self.speed_mps)[..., None]
         return slant_range / self.speed_mps, gradient
@@ -59,23 +60,28 @@ class RayPaths:
     profile: SoundSpeedProfile
 
     def times(self, beacon, ship):
-        offset = beacon[:, None, :] - ship
+        beacon = _each(beacon)
+        offset = beacon - ship
         ship_depth = np.maximum(depth_below_surface(ship), 0.0)
-        beacon_depth = np.maximum(depth_below_surface(beacon), 0.0)[:, None]
+        beacon_depth = np.maximum(depth_below_surface(beacon), 0.0)
         fall = beacon_depth - ship_depth
         # The chord keeps the slant range exact on the curved earth; the rest of it is horizontal.
         square = np.einsum("snk,snk->sn", offset, offset) - fall**2
         horizontal = np.sqrt(np.maximum(square, 0.0))
         rays = fit_rays(self.profile, horizontal, np.broadcast_to(beacon_depth, fall.shape), ship_depth)
         # Depth of the beacon by its position: down, and outward because the surface curves away.
-        depth_gradient = -np.concatenate([beacon[:, :2] / EARTH_RADIUS_M, np.ones((len(beacon), 1))], axis=1)
-        by_depth = depth_gradient[:, None, :]
+        by_depth = -np.concatenate([beacon[..., :2] / EARTH_RADIUS_M, np.ones_like(beacon[..., :1])], axis=-1)
         along = (offset - fall[..., None] * by_depth) / np.maximum(horizontal, 1e-6)[..., None]
         gradient = rays.ray_parameter[..., None] * along + rays.time_by_target_depth[..., None] * by_depth
         return rays.travel_time, gradient
 
     def mean_speed(self, beacon_depth):
         return float(self.profile.harmonic_mean(0.0, beacon_depth))
+
+
+def _each(beacon: np.ndarray) -> np.ndarray:
+    """Beacons with an axis for the pings: (S, 1, 3) if still, (S, N, 3) if moving."""
+    return beacon[:, None, :] if beacon.ndim == 2 else beacon
 
 
 def paths_through(

@@ -17,6 +17,7 @@ class Pings:
     up_m: np.ndarray  # (N,) height of the hydrophone above the sea surface, negative below it
     travel_time_s: np.ndarray  # (N,) one-way travel time plus any constant, known or not
     utc: np.ndarray  # (N,) datetime64[ms], NaT where the file gives none
+    clock_s: np.ndarray | None = None  # (N,) seconds of any clock, where the file tells no date
     time_step_s: float = 0.0  # step in which travel times were logged, 0 if they are continuous
     source: str = ""  # file it came from
     simulated: bool = False
@@ -30,12 +31,23 @@ class Pings:
         return len(self.number)
 
     @property
-    def elapsed_s(self) -> np.ndarray:
-        """Seconds (N,) since the first ping, never falling; 15 s a ping where the file tells no time."""
-        if np.isnat(self.utc).any():
+    def instant_s(self) -> np.ndarray:
+        """Seconds (N,) since the ping that stands first; 15 s a ping where the file tells no time."""
+        if not self.timed:
             return 15.0 * np.arange(len(self))
-        seconds = (self.utc - self.utc[:1]).astype("timedelta64[ms]").astype(float) * 1e-3
-        return np.maximum.accumulate(seconds)
+        if self.clock_s is not None:
+            return self.clock_s - self.clock_s[:1]
+        return (self.utc - self.utc[:1]).astype("timedelta64[ms]").astype(float) * 1e-3
+
+    @property
+    def elapsed_s(self) -> np.ndarray:
+        """The same, never falling, as a file is played back."""
+        return np.maximum.accumulate(self.instant_s)
+
+    @property
+    def timed(self) -> bool:
+        """Whether the instants of the pings are known."""
+        return self.clock_s is not None or not np.isnat(self.utc).any()
 
     @property
     def arrival_s(self) -> np.ndarray:
@@ -44,7 +56,8 @@ class Pings:
 
     def only(self, keep: np.ndarray | slice) -> Pings:
         """The same pings where `keep` (N,) is true, or a slice of them."""
-        return replace(self, **{name: getattr(self, name)[keep] for name in _COLUMNS})
+        clock = None if self.clock_s is None else self.clock_s[keep]
+        return replace(self, clock_s=clock, **{name: getattr(self, name)[keep] for name in _COLUMNS})
 
 
 _COLUMNS = ("number", "lat_deg", "lon_deg", "up_m", "travel_time_s", "utc")

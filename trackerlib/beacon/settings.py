@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.beacon.motion import MOTIONS
 
 # Antenna lever arm, age of the position and the receiver's own wander, where nobody says better.
 ASSUMED_SHIP_RMS_M = 5.0
 ASSUMED_SHIP_TIME_S = 60.0
+METHODS = ("all-pings", "pairs")  # every reception; the thesis's experiments
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,15 @@ class FixSettings:
     start: tuple[float, float, float] | None = None  # a further start: latitude, longitude, depth_m
     max_range_m: float = 20_000.0  # search region: horizontally from the ship's mean position
     max_depth_m: float = 11_000.0  # search region: below the sea surface
+    max_speed_mps: float = 5.0  # search region: of a beacon that moves
+    motion: str = "still"  # one of MOTIONS
+    interval_s: float | None = None  # of the pinger: times are known only up to whole intervals of it
+    method: str = "all-pings"  # or "pairs": the thesis's experiments
+    experiments: int | None = None  # pairs: how many; None: as many as there are
+    spacing: int | None = (
+        None  # pairs: receptions from the first of a pair to the second; None: the thesis's least
+    )
+    step: int | None = None  # pairs: receptions from one pair to the next; None: spacing, pairs are chained
     hydrophone_depth_m: float = 0.0  # where the file does not say
     reject: str = "auto"  # "auto" leaves out false returns, "none" keeps every ping
     left_out: frozenset[int] = frozenset()  # ping numbers the analyst leaves out by hand
@@ -42,6 +53,11 @@ class FixSettings:
             "max_range_m": (1, 1_000_000),
             "max_depth_m": (1, 12_000),
             "hydrophone_depth_m": (0, 12_000),
+            "max_speed_mps": (0.001, 100),
+            "interval_s": (0.01, 86_400),
+            "experiments": (1, 1_000_000),
+            "spacing": (1, 1_000_000),
+            "step": (1, 1_000_000),
         }
         for name, (low, high) in limits.items():
             value = getattr(self, name)
@@ -49,6 +65,15 @@ class FixSettings:
                 raise ValueError(f"{name} is {value:g}; wanted {low:g} to {high:g}")
         if self.reject not in ("auto", "none"):
             raise ValueError(f"reject is {self.reject!r}; wanted 'auto' or 'none'")
+        for name, values in (("motion", MOTIONS), ("method", METHODS)):
+            if getattr(self, name) not in values:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; wanted one of {', '.join(values)}")
+        if self.interval_s is not None and self.emission_known:
+            raise ValueError("times folded at an interval are not true travel times; tell one or the other")
+        if self.method == "pairs" and (self.emission_known or self.motion in ("vertical", "horizontal")):
+            raise ValueError(
+                "pairs of receptions are for an unknown emission time and a motion still or free"
+            )
 
     @property
     def speed_sigma_mps(self) -> float:

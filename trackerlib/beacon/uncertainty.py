@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -24,11 +24,11 @@ class Ellipse:
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariance of a position (east, north, up) and where it comes from."""
+    """Covariance of a state (east, north, up, and velocity if it moves) and where it comes from."""
 
-    covariance: np.ndarray  # (3, 3) [m^2]: noise and sound speed together
-    noise_covariance: np.ndarray  # (3, 3) [m^2] from times and ship positions
-    by_sound_speed: np.ndarray  # (3,) movement of the answer per m/s of mean sound speed
+    covariance: np.ndarray  # (P, P) [m^2]: noise and sound speed together
+    noise_covariance: np.ndarray  # (P, P) [m^2] from times and ship positions
+    by_sound_speed: np.ndarray  # (P,) movement of the answer per m/s of mean sound speed
     speed_sigma_mps: float  # standard error of the mean sound speed that the covariance holds
     rms_s: float  # root-mean-square residual of the pings used
     correlation: ResidualCorrelation
@@ -36,16 +36,34 @@ class Uncertainty:
 
     @property
     def sigma(self) -> np.ndarray:
-        """Standard errors (3,) [m] east, north, up."""
+        """Standard errors (P,) of the state's components."""
         return np.sqrt(np.diag(self.covariance))
+
+    def turned(self, matrix: np.ndarray) -> Uncertainty:
+        """The same for matrix (Q, P) times the state."""
+        return replace(
+            self,
+            covariance=matrix @ self.covariance @ matrix.T,
+            noise_covariance=matrix @ self.noise_covariance @ matrix.T,
+            by_sound_speed=matrix @ self.by_sound_speed,
+        )
 
 
 def uncertainty_of(
-    misfit, keep, *, unknowns, floor_s, mean_speed_mps, speed_sigma_mps, ship_errors: SlowErrors | None = None
+    misfit,
+    keep,
+    *,
+    unknowns,
+    axes,
+    floor_s,
+    mean_speed_mps,
+    speed_sigma_mps,
+    ship_errors: SlowErrors | None = None,
 ) -> Uncertainty | None:
-    """Uncertainty of a least-squares position from its residuals, or None with too few pings for one.
+    """Uncertainty of a least-squares state from its residuals, or None with too few pings for one.
 
-    misfit : Misfit of that one position, with weight zero at the pings left out
+    misfit : Misfit of that one state, with weight zero at the pings left out
+    axes : (K, P) its free directions
     keep : (N,) which pings were used
     floor_s : the time error that the logging step alone makes
     ship_errors : errors of the ship's position at the pings used, where they are assumed and not
@@ -56,7 +74,7 @@ def uncertainty_of(
     move the answer farther than the residuals tell, they count. Sound speed is not estimated: its
     standard error enters as what it would move the answer by.
     """
-    weight, gradient = misfit.weight[0][keep], misfit.gradient[0][keep]
+    weight, gradient = misfit.weight[0][keep], misfit.gradient[0][keep] @ axes.T
     root = np.sqrt(weight)
     whitened = misfit.residual[0][keep] * root
     correlation = residual_correlation(whitened)
@@ -77,6 +95,7 @@ def uncertainty_of(
         noise = wider(noise, ship_errors.moved_by(slope[:, :, None] * gain[:, None, :]))
     # Times scale as 1/speed; the answer moves to undo what the emission offset cannot.
     by_speed = inverse @ (gradient.T @ (weight * misfit.travel_time[0][keep])) / mean_speed_mps
+    noise, by_speed = axes.T @ noise @ axes, by_speed @ axes
     covariance = noise + speed_sigma_mps**2 * np.outer(by_speed, by_speed)
     rms = float(np.sqrt(np.mean(misfit.residual[0][keep] ** 2)))
     return Uncertainty(covariance, noise, by_speed, speed_sigma_mps, rms, correlation, float(freedom))
@@ -97,31 +116,29 @@ class SlowErrors:
 
     rms_m: float
     time_s: float  # in which its correlation falls by e
-    utc: np.ndarray  # (n,) datetime64 of the pings used; where one is missing pings count as 15 s apart
+    elapsed_s: np.ndarray  # (n,) instants of the pings used
 
     def moved_by(self, response: np.ndarray) -> np.ndarray:
-        """Covariance (3, 3) of an answer that moves by response (n, 2, 3) per metre of ship east, north."""
-        if np.isnat(self.utc).any():
-            apart = np.full(len(self.utc) - 1, 15.0)
-        else:
-            apart = np.abs(np.diff(self.utc).astype("timedelta64[ms]").astype(float)) * 1e-3
+        """Covariance (K, K) of an answer that moves by response (n, 2, K) per metre of ship east, north."""
+        apart = np.abs(np.diff(self.elapsed_s))
         return self.rms_m**2 * _correlated_sum(np.ascontiguousarray(response), np.exp(-apart / self.time_s))
 
 
 @compiled
 def _correlated_sum(response, kept):
-    """Sum over pairs of pings of response_i response_j' (3, 3) times the product of `kept` between them.
+    """Sum over pairs of pings of response_i response_j' (K, K) times the product of `kept` between them.
 
-    response : (n, axes, 3), each axis on its own; kept : (n - 1,) correlation from one to the next
+    response : (n, axes, K), each axis on its own; kept : (n - 1,) correlation from one to the next
     """
-    total = np.zeros((3, 3))
+    unknowns = response.shape[2]
+    total = np.zeros((unknowns, unknowns))
     for axis in range(response.shape[1]):
-        before = np.zeros(3)  # what all earlier pings add, as correlated with this one
+        before = np.zeros(unknowns)  # what all earlier pings add, as correlated with this one
         for i in range(len(response)):
             if i:
                 before = (before + response[i - 1, axis]) * kept[i - 1]
-            for j in range(3):
-                for k in range(3):
+            for j in range(unknowns):
+                for k in range(unknowns):
                     own = response[i, axis]
                     total[j, k] += own[j] * own[k] + own[j] * before[k] + before[j] * own[k]
     return total

@@ -1,4 +1,4 @@
-"""Pings as CSV with a header: `lat_deg, lon_deg, oneway_s` and optionally `ping, utc, up_m, transponder`.
+"""Pings as CSV with a header: `lat_deg, lon_deg, oneway_s` and optionally `ping, utc, time_s, up_m, transponder`.
 
 Commas, or semicolons with a decimal comma. Lines that begin with # are comments; one that says
 "simulated" labels the whole file so.
@@ -94,6 +94,7 @@ def _reception(row: dict[str, str], decimal_comma: bool, hydrophone_depth_m: flo
         if row.get("up_m")
         else -hydrophone_depth_m,
         travel_time_s=number("oneway_s", -1e10, 1e10, "seconds"),
+        time_s=number("time_s", -1e12, 1e12, "seconds") if row.get("time_s") else math.nan,
         utc=_utc(next((row[column] for column in TIMES if row.get(column)), "")),
     )
 

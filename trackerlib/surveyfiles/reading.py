@@ -33,6 +33,7 @@ class Reception:
     up_m: float
     travel_time_s: float
     utc: np.datetime64
+    time_s: float = np.nan  # by a clock without a date
 
 
 def build_reading(receptions, name, layout, bad_records, notes, simulated=False) -> SurveyReading:
@@ -46,13 +47,16 @@ def build_reading(receptions, name, layout, bad_records, notes, simulated=False)
         notes.append("ping numbers repeat in the file; pings are numbered 1, 2, ... in file order instead")
         numbers = list(range(1, len(receptions) + 1))
     travel_time = np.array([r.travel_time_s for r in receptions])
+    utc = np.array([r.utc for r in receptions], dtype="datetime64[ms]")
+    clock = np.array([r.time_s for r in receptions])
     pings = Pings(
         number=np.array(numbers, dtype=np.int64),
         lat_deg=np.array([r.lat_deg for r in receptions]),
         lon_deg=np.array([r.lon_deg for r in receptions]),
         up_m=np.array([r.up_m for r in receptions]),
         travel_time_s=travel_time,
-        utc=np.array([r.utc for r in receptions], dtype="datetime64[ms]"),
+        utc=utc,
+        clock_s=clock if np.isnat(utc).any() and np.isfinite(clock).all() else None,
         time_step_s=time_step(travel_time),
         source=name,
         simulated=simulated,

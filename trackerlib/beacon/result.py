@@ -1,0 +1,141 @@
+"""What a beacon fix comes to: a place with its uncertainty, or the reason why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackerlib.beacon.folds import unfold
+from trackerlib.beacon.observability import Unobservable
+from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.settings import FixSettings
+from trackerlib.beacon.uncertainty import Ellipse, Uncertainty, ellipse95
+from trackerlib.frames import LocalFrame
+from trackerlib.rounding import value_with_sigma
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """One place that fits the pings."""
+
+    lat_deg: float
+    lon_deg: float
+    depth_m: float
+    east_m: float
+    north_m: float
+    misfit: float  # robust chi-square above the best solution's
+
+
+@dataclass(frozen=True, eq=False)
+class BeaconFix:
+    """Where the beacon is, how sure that is, or why it cannot be said.
+
+    Not converged means that `reason` says what is wrong and what would help; a position that comes
+    with it is the best guess so far and is drawn hollow.
+    """
+
+    converged: bool
+    reason: str | None
+    frame: LocalFrame  # origin: the ship's place at the first ping
+    ship: np.ndarray  # (N, 3) hydrophone east, north, up [m]
+    number: np.ndarray  # (N,) ping numbers
+    used: np.ndarray  # (N,) which pings the fix rests on
+    position: np.ndarray | None = None  # (3,) east, north, up [m]
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    depth_m: float | None = None  # below the sea surface
+    velocity: np.ndarray | None = None  # (3,) east, north, up [m/s]; None for a beacon that lies still
+    elapsed_s: np.ndarray | None = None  # (N,) since the first ping; a moving beacon's position is that at 0
+    residual_s: np.ndarray | None = None  # (N,) time minus fit, also of pings left out
+    uncertainty: Uncertainty | None = None
+    emission_offset_s: float | None = None  # the constant in every time that is not travel
+    sound_speed_mps: float | None = None  # mean speed on the way down
+    unobservable: tuple[Unobservable, ...] = ()
+    alternatives: tuple[Solution, ...] = ()
+    along_track_m: float | None = None  # from the first ping, along a straight track
+    closest_slant_range_m: float | None = None  # from a straight track
+    method: str = "all-pings"
+    simulated: bool = False
+
+    @property
+    def ellipse(self) -> Ellipse | None:
+        """95 % ellipse on the map."""
+        return None if self.uncertainty is None else ellipse95(self.uncertainty.covariance)
+
+    @property
+    def sigma(self) -> np.ndarray | None:
+        """Standard errors (3,) [m] east, north, depth."""
+        return None if self.uncertainty is None else self.uncertainty.sigma[:3]
+
+    def at(self, elapsed_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position (3,) [m] at an instant, and its covariance (3, 3) [m^2] (3-19), (3-21)-(3-29) mended.
+
+        Raises ValueError for a fix without a position or an uncertainty.
+        """
+        if self.position is None or self.uncertainty is None:
+            raise ValueError(f"there is no position to project: {self.reason}")
+        if self.velocity is None:
+            return self.position, self.uncertainty.covariance
+        step = np.hstack([np.eye(3), elapsed_s * np.eye(3)])
+        return self.position + elapsed_s * self.velocity, step @ self.uncertainty.covariance @ step.T
+
+    @property
+    def steadiest_s(self) -> float:
+        """The instant since the first ping at which a moving beacon's position is known best."""
+        if self.uncertainty is None or self.velocity is None:
+            return 0.0
+        covariance = self.uncertainty.covariance
+        return float(-np.trace(covariance[:3, 3:]) / max(np.trace(covariance[3:, 3:]), 1e-300))
+
+    @property
+    def rejected(self) -> np.ndarray:
+        """Numbers of the pings that the fix does not rest on."""
+        return self.number[~self.used]
+
+    def __str__(self) -> str:
+        if self.position is None:
+            return f"no fix: {self.reason}"
+        head = "" if self.converged else f"not converged: {self.reason}\n"
+        if self.uncertainty is None:
+            return f"{head}best guess {self.lat_deg:.6f}, {self.lon_deg:.6f}, depth {self.depth_m:.0f} m"
+        east, north, depth = self.sigma
+        shape = self.ellipse
+        return (
+            f"{head}{self.lat_deg:.6f}, {self.lon_deg:.6f} "
+            f"(± {east:.2g} m east, ± {north:.2g} m north; 95 % ellipse {shape.semi_major_m:.2g} by "
+            f"{shape.semi_minor_m:.2g} m, long axis {shape.bearing_deg:.0f}°)\n"
+            f"depth {value_with_sigma(self.depth_m, depth, 'm')}, {int(self.used.sum())} of {len(self.used)} pings, "
+            f"rms {1e3 * self.uncertainty.rms_s:.2g} ms"
+        )
+
+
+def blank_fix(pings: Pings, settings: FixSettings) -> tuple[BeaconFix, np.ndarray]:
+    """A fix of which only the survey is known, and which pings may be used (N,)."""
+    frame = (
+        LocalFrame(float(pings.lat_deg[0]), float(pings.lon_deg[0])) if len(pings) else LocalFrame(0.0, 0.0)
+    )
+    ship = frame.to_local(pings.lat_deg, pings.lon_deg, pings.up_m)
+    allowed = np.isfinite(pings.travel_time_s) & np.isfinite(ship).all(axis=1)
+    allowed &= ~np.isin(pings.number, list(settings.left_out))
+    elapsed = pings.instant_s
+    if settings.interval_s and not pings.timed:
+        elapsed = settings.interval_s * (pings.number - pings.number[:1])
+    blank = BeaconFix(
+        False, None, frame, ship, pings.number, allowed.copy(), elapsed_s=elapsed, simulated=pings.simulated
+    )
+    return blank, allowed
+
+
+def unfolded_times(pings: Pings, ship: np.ndarray, allowed: np.ndarray, settings: FixSettings) -> np.ndarray:
+    """Times (n,) [s] of the pings allowed, in order again where they were folded at an interval."""
+    time = pings.travel_time_s[allowed]
+    if settings.interval_s is None:
+        return time
+    return unfold(time, settings.interval_s, ship[allowed], settings.sound_speed_mps)
+
+
+def time_sigma(pings: Pings, settings: FixSettings) -> float:
+    """Standard error [s] that the step of the logged times makes."""
+    step_s = pings.time_step_s if settings.sample_interval_ms is None else settings.sample_interval_ms * 1e-3
+    return max(step_s / np.sqrt(12), 1e-6)
