@@ -120,3 +120,33 @@ def test_a_straight_line_gives_a_pair_of_mirror_solutions_and_no_fix(real_survey
     assert sorted(sides) == [-1, 1]
     directions = np.array([u.direction_enu for u in fix.unobservable])
     assert np.allclose(np.abs(directions @ track.across), [1, 0])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_wc03_with_times_folded_and_a_third_of_its_pings_dropped(wc03, seed):
+    pings, settings, answer = wc03
+    kept = pings.only(np.random.default_rng(seed).random(len(pings)) > 0.3)
+    folded = replace(kept, travel_time_s=np.mod(kept.travel_time_s, 2.0))
+    fix = fix_beacon(folded, replace(settings, interval_s=2.0))
+    assert fix.converged, fix.reason
+    assert_close(error_of(fix, answer), horizontal_m=3, depth_m=25)
+
+
+@pytest.mark.parametrize("transponder", ["M11", "M14"])
+def test_told_noise_of_the_ship_moves_saga_by_millimetres(real_surveys, transponder):
+    """Squared ranges along rays: at kilometres of range and a metre of noise there is little bias to remove."""
+    folder = real_surveys / "SAGA.1903"
+    profile = read_profile_csv(folder / "soundspeed.csv")
+    pings = read_survey(folder / "pings.csv", transponder=transponder).pings
+    untold = fix_beacon(pings, FixSettings(profile=profile))
+    told = fix_beacon(pings, FixSettings(profile=profile, gps_rms_m=0.5))
+    assert told.converged
+    assert_close(told.position - untold.position, horizontal_m=0.3, depth_m=2)
+
+
+def test_experiments_find_wc03_about_as_well(wc03):
+    pings, settings, answer = wc03
+    good = pings.only(~np.isin(pings.number, [13, 15]))  # experiments reject nothing
+    fix = fix_beacon(good, replace(settings, method="pairs", spacing=6, step=1, gps_rms_m=2.0))
+    assert fix.converged, fix.reason
+    assert np.all(np.abs(error_of(fix, answer)) < 3 * fix.sigma)

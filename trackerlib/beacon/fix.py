@@ -33,7 +33,7 @@ from trackerlib.beacon.observability import (
     unseen_beside_line,
     unseen_directions,
 )
-from trackerlib.beacon.paths import StraightPaths, paths_through
+from trackerlib.beacon.paths import StraightPaths, depth_below_surface, paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix, Solution, blank_fix, time_sigma, unfolded_times
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
@@ -330,6 +330,13 @@ class _Attempt:
                 f"{int(fix.used.sum())} pings with residuals this alike say too little for a standard error; "
                 "collect more"
             )
+        for when, instant in (("first", 0.0), ("last", 2 * self.motion.half_s)):
+            depth = depth_below_surface(fix.at(instant)[0])
+            if self.motion.moving and depth < -2 * np.sqrt(fix.at(instant)[1][2, 2]):
+                return (
+                    f"at the {when} ping the beacon would have been {-depth:.0f} m above the surface; "
+                    "it does not move like this, or the times are wrong"
+                )
         if unseen:
             return unseen[-1].why
         if not best.settled:

@@ -31,7 +31,7 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
     """
     moving = settings.motion != "still"
     blank, allowed = blank_fix(pings, settings)
-    blank = replace(blank, method="pairs", used=np.zeros(len(pings), bool))
+    blank = replace(blank, used=np.zeros(len(pings), bool))
     least_count, least_spacing = LEAST_EXPERIMENTS[moving]
     rows = np.flatnonzero(allowed)
     spacing = settings.spacing or max(min(least_spacing, len(rows) // 8), 1)
@@ -123,6 +123,7 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
     )
     fix = replace(
         blank,
+        offered=used | ~allowed,
         converged=True,
         position=position,
         velocity=velocity,

@@ -41,6 +41,7 @@ class BeaconFix:
     ship: np.ndarray  # (N, 3) hydrophone east, north, up [m]
     number: np.ndarray  # (N,) ping numbers
     used: np.ndarray  # (N,) which pings the fix rests on
+    offered: np.ndarray | None = None  # (N,) which pings the method would use; None: all
     position: np.ndarray | None = None  # (3,) east, north, up [m]
     lat_deg: float | None = None
     lon_deg: float | None = None
@@ -55,7 +56,7 @@ class BeaconFix:
     alternatives: tuple[Solution, ...] = ()
     along_track_m: float | None = None  # from the first ping, along a straight track
     closest_slant_range_m: float | None = None  # from a straight track
-    method: str = "all-pings"
+    method: str = "all-pings"  # one of METHODS
     simulated: bool = False
 
     @property
@@ -90,8 +91,9 @@ class BeaconFix:
 
     @property
     def rejected(self) -> np.ndarray:
-        """Numbers of the pings that the fix does not rest on."""
-        return self.number[~self.used]
+        """Numbers of the pings that were left out; a ping that no experiment holds is not."""
+        left_out = ~self.used if self.offered is None else self.offered & ~self.used
+        return self.number[left_out]
 
     def __str__(self) -> str:
         if self.position is None:
@@ -122,7 +124,15 @@ def blank_fix(pings: Pings, settings: FixSettings) -> tuple[BeaconFix, np.ndarra
     if settings.interval_s and not pings.timed:
         elapsed = settings.interval_s * (pings.number - pings.number[:1])
     blank = BeaconFix(
-        False, None, frame, ship, pings.number, allowed.copy(), elapsed_s=elapsed, simulated=pings.simulated
+        False,
+        None,
+        frame,
+        ship,
+        pings.number,
+        allowed.copy(),
+        elapsed_s=elapsed,
+        method=settings.method,
+        simulated=pings.simulated,
     )
     return blank, allowed
 

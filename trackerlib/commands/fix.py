@@ -5,14 +5,25 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
-from trackerlib.beacon.fix import BeaconFix, FixSettings, fix_beacon
+import numpy as np
+
+from trackerlib.beacon.fix import fix_beacon
+from trackerlib.beacon.motion import MOTIONS
+from trackerlib.beacon.pairs import LEAST_EXPERIMENTS
+from trackerlib.beacon.result import BeaconFix
+from trackerlib.beacon.settings import METHODS, FixSettings
+from trackerlib.beacon.uncertainty import ellipse95
+from trackerlib.rounding import value_with_sigma
 from trackerlib.surveyfiles.profile_csv import read_profile_csv
 from trackerlib.surveyfiles.survey import LAYOUTS, read_survey
 from trackerlib.textfiles import InputError
 
+MOST_NAMED = 40  # pings that a report lists by number
 SUMMARY = "fix a beacon from a survey file"
+SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_depth_m")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +33,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("pings", type=Path, metavar="PINGS", help="csv of pings, or a survey log of the SIO or WHOI kind")
     add("--format", choices=LAYOUTS, default="auto", help="layout of the file (default: look at it)")
     add("--transponder", metavar="NAME", help="which one, where a csv holds several")
-    add("--method", choices=("all-pings",), default="all-pings", help="estimator")
+    add("--method", choices=METHODS, default=METHODS[0], help="every ping, or the thesis's experiments")
+    add("--experiments", type=int, metavar="N", help="pairs: how many (default: as many as there are)")
+    add("--spacing", type=int, metavar="K", help="pairs: receptions from first to second (default: thesis's)")
+    add("--step", type=int, metavar="J", help="pairs: receptions from one pair to the next (default: K)")
+    motion = parser.add_mutually_exclusive_group()
+    motion.add_argument("--motion", choices=MOTIONS, default=MOTIONS[0], help="how the beacon may move")
+    motion.add_argument("--moving", dest="motion", action="store_const", const="free", help="--motion free")
+    add("--max-speed-mps", type=float, default=defaults.max_speed_mps, metavar="V", help="of the beacon")
+    add("--interval-s", type=float, metavar="T", help="of the pinger: times are known up to multiples of it")
     water = parser.add_mutually_exclusive_group()
     water.add_argument("--sound-speed-mps", type=float, default=defaults.sound_speed_mps, metavar="C")
     water.add_argument("--profile", type=Path, metavar="FILE", help="csv depth_m, speed_mps")
@@ -74,11 +93,25 @@ def run(args: argparse.Namespace) -> dict:
             max_depth_m=args.max_depth_m,
             hydrophone_depth_m=args.hydrophone_depth_m,
             reject=args.reject,
+            method=args.method,
+            experiments=args.experiments,
+            spacing=args.spacing,
+            step=args.step,
+            motion=args.motion,
+            max_speed_mps=args.max_speed_mps,
+            interval_s=args.interval_s,
         )
     except InputError:
         raise
     except ValueError as error:
         raise InputError(f"fix: {error}") from None
+    if settings.method == "pairs":
+        count, spacing = LEAST_EXPERIMENTS[settings.motion != "still"]
+        if (settings.experiments or count) < count or (settings.spacing or spacing) < spacing:
+            print(
+                f"fewer than the {count} experiments at spacing {spacing} that the thesis asks for",
+                file=sys.stderr,
+            )
     return document(fix_beacon(reading.pings, settings))
 
 
@@ -94,7 +127,7 @@ def document(fix: BeaconFix) -> dict:
         "east_m": float(fix.position[0]) if known else None,
         "north_m": float(fix.position[1]) if known else None,
         "origin": {"lat_deg": fix.frame.lat_deg, "lon_deg": fix.frame.lon_deg},
-        "velocity_mps": None,
+        "velocity_mps": None if fix.velocity is None else fix.velocity.tolist(),
         "emission_offset_s": fix.emission_offset_s,
         "sound_speed_mps": fix.sound_speed_mps,
         "pings": len(fix.number),
@@ -116,6 +149,8 @@ def document(fix: BeaconFix) -> dict:
         "simulated": fix.simulated,
         **_uncertainty(fix),
     }
+    if fix.velocity is not None and fix.uncertainty is not None:
+        answer |= _motion(fix)
     if fix.unobservable:
         answer["along_track_m"] = fix.along_track_m
         answer["closest_slant_range_m"] = fix.closest_slant_range_m
@@ -123,13 +158,13 @@ def document(fix: BeaconFix) -> dict:
 
 
 def _uncertainty(fix: BeaconFix) -> dict:
-    keys = ("sigma_east_m", "sigma_north_m", "sigma_depth_m", "covariance_enu_m2", "ellipse95", "rms_ms")
+    keys = (*SIGMAS, "covariance_enu_m2", "ellipse95", "rms_ms")
     if fix.uncertainty is None:
         return dict.fromkeys(keys)
     shape = fix.ellipse
     return {
         **dict(zip(keys[:3], map(float, fix.sigma), strict=True)),
-        "covariance_enu_m2": fix.uncertainty.covariance.tolist(),
+        "covariance_enu_m2": fix.uncertainty.covariance[:3, :3].tolist(),
         "ellipse95": {
             "semi_major_m": shape.semi_major_m,
             "semi_minor_m": shape.semi_minor_m,
@@ -140,6 +175,58 @@ def _uncertainty(fix: BeaconFix) -> dict:
             float(fix.uncertainty.speed_sigma_mps * fix.uncertainty.by_sound_speed[2])
         ),
         "residual_correlation_length": fix.uncertainty.correlation.length,
+    }
+
+
+def _motion(fix: BeaconFix) -> dict:
+    """Keys of a moving beacon: the position above is at the first ping; here it is when it is known best, and now."""
+    last = float(np.max(fix.elapsed_s))
+    instants = {"steadiest": float(np.clip(fix.steadiest_s, 0.0, last)), "present": last}
+    answer = {
+        "epoch_s": 0.0,
+        "sigma_velocity_mps": fix.uncertainty.sigma[3:].tolist(),
+        "covariance_velocity_m2ps2": fix.uncertainty.covariance[3:, 3:].tolist(),
+        "covariance_position_velocity_m2ps": fix.uncertainty.covariance[:3, 3:].tolist(),
+    }
+    for name, instant in instants.items():
+        position, covariance = fix.at(instant)
+        lat, lon, up = fix.frame.to_geodetic(position)
+        sigma, shape = np.sqrt(np.diag(covariance)), ellipse95(covariance)
+        answer[name] = {
+            "epoch_s": instant,
+            "lat_deg": float(lat),
+            "lon_deg": float(lon),
+            "depth_m": -float(up),
+            "east_m": float(position[0]),
+            "north_m": float(position[1]),
+            **dict(zip(SIGMAS, map(float, sigma), strict=True)),
+            "ellipse95": asdict(shape),
+        }
+    rising = fix.velocity[2]
+    if rising > 2 * fix.uncertainty.sigma[5] > 0:
+        answer["surfaces"] = _surfacing(fix)
+    return answer
+
+
+def _surfacing(fix: BeaconFix) -> dict:
+    """When and where a rising beacon comes to the surface, with standard errors to first order."""
+    rising = fix.velocity[2]
+    seconds = -fix.position[2] / rising
+    gradient = np.zeros(6)
+    gradient[2], gradient[5] = -1 / rising, fix.position[2] / rising**2
+    sigma_s = float(np.sqrt(gradient @ fix.uncertainty.covariance @ gradient))
+    step = np.hstack([np.eye(3), seconds * np.eye(3)]) + np.outer([*fix.velocity[:2], 0.0], gradient)
+    place = fix.position + seconds * fix.velocity
+    covariance = step @ fix.uncertainty.covariance @ step.T
+    lat, lon, _ = fix.frame.to_geodetic(place)
+    east, north = np.sqrt(np.maximum(np.diag(covariance)[:2], 0.0))
+    return {
+        "epoch_s": float(seconds),
+        "sigma_epoch_s": sigma_s,
+        "lat_deg": float(lat),
+        "lon_deg": float(lon),
+        "sigma_east_m": float(east),
+        "sigma_north_m": float(north),
     }
 
 
@@ -163,6 +250,28 @@ def report(answer: dict) -> str:
             f"ellipse   95 %: {shape['semi_major_m']:.2g} by {shape['semi_minor_m']:.2g} m, "
             f"long axis {shape['bearing_deg']:.0f} degrees from true north"
         )
+    if "present" in answer:
+        now, velocity, sigma = answer["present"], answer["velocity_mps"], answer["sigma_velocity_mps"]
+        lines.append("that was at the first ping; it moves")
+        lines.append(
+            "velocity  "
+            + ", ".join(
+                f"{value_with_sigma(value, error, 'm/s')} {way}"
+                for value, error, way in zip(velocity, sigma, ("east", "north", "up"), strict=True)
+                if error > 0
+            )
+        )
+        lines.append(
+            f"now       {now['lat_deg']:.7f}, {now['lon_deg']:.7f}, depth {now['depth_m']:.1f} m; sigma "
+            f"{now['sigma_east_m']:.2g} m east, {now['sigma_north_m']:.2g} m north, {now['sigma_depth_m']:.2g} m depth"
+        )
+        if "surfaces" in answer:
+            up = answer["surfaces"]
+            lines.append(
+                f"surfaces  {value_with_sigma(up['epoch_s'], up['sigma_epoch_s'], 's')} after the first ping, at "
+                f"{up['lat_deg']:.6f}, {up['lon_deg']:.6f} (sigma {up['sigma_east_m']:.2g} m east, "
+                f"{up['sigma_north_m']:.2g} m north)"
+            )
     if answer.get("along_track_m") is not None:
         lines.append(f"along track {answer['along_track_m']:.0f} m from the first ping")
         lines.append(f"closest slant range {answer['closest_slant_range_m']:.0f} m")
@@ -170,7 +279,8 @@ def report(answer: dict) -> str:
         f"fits as well: {a['lat_deg']:.6f}, {a['lon_deg']:.6f}, depth {a['depth_m']:.0f} m"
         for a in answer["alternatives"]
     ]
-    rejected = ", ".join(map(str, answer["rejected"])) or "none"
+    named, more = answer["rejected"][:MOST_NAMED], len(answer["rejected"]) - MOST_NAMED
+    rejected = (", ".join(map(str, named)) or "none") + (f" and {more} more" if more > 0 else "")
     lines.append(f"pings     {answer['used']} of {answer['pings']} used; left out: {rejected}")
     return "\n".join(lines)
 
