@@ -12,8 +12,9 @@ import param
 from dashboards.jobs import Jobs
 from trackerlib import __version__
 from trackerlib.acoustics.profile import SoundSpeedProfile
-from trackerlib.beacon.fix import BeaconFix, fix_beacon
+from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.crossover.gating import GatingResult, gate_reports
 from trackerlib.crossover.pairs import CrossoverSet

@@ -16,8 +16,8 @@ from bokeh.plotting import figure
 
 from dashboards.palette import DIVERGING, ESTIMATE, REJECTED, SHIP, TRUTH
 from dashboards.pictures.mercator import map_figure, mercator, show_box
-from trackerlib.beacon.fix import BeaconFix
 from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.uncertainty import Ellipse
 
 LEGEND = {
@@ -66,6 +66,7 @@ class BeaconMap:
         self.hollow_ellipse = ColumnDataSource({"x": [], "y": []})
         self.alternatives = ColumnDataSource({"x": [], "y": [], "label": []}, name="alternatives")
         self.truth = ColumnDataSource({"x": [], "y": []}, name="truth")
+        self.drift = ColumnDataSource({"x": [], "y": []}, name="drift")
         self.history = ColumnDataSource(
             {name: [] for name in ("number", "depth", "low", "high", "major")}, name="history"
         )
@@ -98,6 +99,7 @@ class BeaconMap:
         )
         dashed = fig.line("x", "y", source=self.hollow_ellipse, line_color=ESTIMATE, line_dash="dashed")
         strong = {"size": 12, "line_color": ESTIMATE, "line_width": 2, "fill_color": ESTIMATE}
+        drift = fig.line("x", "y", source=self.drift, line_color=ESTIMATE, line_width=2, line_dash="dotted")
         place = fig.scatter("x", "y", source=self.fix, fill_alpha="fill", **strong)
         others = fig.scatter("x", "y", source=self.alternatives, fill_alpha=0, **strong)
         words = fig.text(
@@ -112,7 +114,7 @@ class BeaconMap:
         truth = fig.scatter("x", "y", source=self.truth, marker="diamond", size=14, color=TRUTH)
         legend_entry(fig, "ship", [track, now], marker="triangle", size=10, color=SHIP)
         legend_entry(fig, "ping, by residual", [points], size=6, color=SHIP)
-        legend_entry(fig, "fix, 95 % ellipse", [place, ring, dashed], **strong)
+        legend_entry(fig, "fix, 95 % ellipse", [place, ring, dashed, drift], **strong)
         legend_entry(fig, "fits as well", [others, words], fill_alpha=0, **strong)
         self._truth_entry = legend_entry(
             fig, "truth (simulated)", [truth], marker="diamond", size=14, color=TRUTH
@@ -224,20 +226,25 @@ class BeaconMap:
             )
 
     def _show_place(self, fix: BeaconFix) -> None:
-        full, hollow = {"x": [], "y": []}, {"x": [], "y": []}
+        full, hollow, drift = {"x": [], "y": []}, {"x": [], "y": []}, {"x": [], "y": []}
         place = {"x": [], "y": [], "fill": [], "label": []}
         if fix.position is not None:
-            px, py = mercator(fix.lat_deg, fix.lon_deg)
+            now = fix.present
+            px, py = mercator(now.lat_deg, now.lon_deg)
             place = {
                 "x": [float(px)],
                 "y": [float(py)],
                 "fill": [1.0 if fix.converged else 0.0],
                 "label": [""],
             }
-            if fix.uncertainty is not None and fix.ellipse.semi_major_m < 50_000:
-                ring = ellipse_ring(fix, fix.ellipse)
+            if now.ellipse is not None and now.ellipse.semi_major_m < 50_000:
+                ring = ellipse_ring(fix, now.position, now.ellipse)
                 full, hollow = (ring, hollow) if fix.converged else (full, ring)
+            if fix.velocity is not None:
+                then_x, then_y = mercator(fix.lat_deg, fix.lon_deg)
+                drift = {"x": [float(then_x), float(px)], "y": [float(then_y), float(py)]}
         self.fix.data, self.ellipse.data, self.hollow_ellipse.data = place, full, hollow
+        self.drift.data = drift
         ax, ay = mercator([a.lat_deg for a in fix.alternatives], [a.lon_deg for a in fix.alternatives])
         self.alternatives.data = {
             "x": ax,
@@ -259,24 +266,25 @@ class BeaconMap:
 
 def history_row(fix: BeaconFix) -> dict:
     """Depth with its 95 % band and the ellipse's half axis after the last ping of a fix."""
-    half = 1.96 * float(fix.sigma[2])
+    now = fix.present
+    half = 1.96 * float(now.sigma[2])
     return {
         "number": [int(fix.number[-1])],
-        "depth": [fix.depth_m],
-        "low": [fix.depth_m - half],
-        "high": [fix.depth_m + half],
-        "major": [fix.ellipse.semi_major_m],
+        "depth": [now.depth_m],
+        "low": [now.depth_m - half],
+        "high": [now.depth_m + half],
+        "major": [now.ellipse.semi_major_m],
     }
 
 
-def ellipse_ring(fix: BeaconFix, shape: Ellipse, points: int = 73) -> dict:
-    """Mercator outline of an ellipse about a fix."""
+def ellipse_ring(fix: BeaconFix, centre: np.ndarray, shape: Ellipse, points: int = 73) -> dict:
+    """Mercator outline of an ellipse about a place (3,) in the frame of a fix."""
     angle = np.linspace(0, 2 * np.pi, points)
     bearing = np.radians(shape.bearing_deg)
     along, across = shape.semi_major_m * np.cos(angle), shape.semi_minor_m * np.sin(angle)
-    east = fix.position[0] + along * np.sin(bearing) + across * np.cos(bearing)
-    north = fix.position[1] + along * np.cos(bearing) - across * np.sin(bearing)
-    lat, lon, _ = fix.frame.to_geodetic(np.column_stack([east, north, np.full(points, fix.position[2])]))
+    east = centre[0] + along * np.sin(bearing) + across * np.cos(bearing)
+    north = centre[1] + along * np.cos(bearing) - across * np.sin(bearing)
+    lat, lon, _ = fix.frame.to_geodetic(np.column_stack([east, north, np.full(points, centre[2])]))
     x, y = mercator(lat, lon)
     return {"x": x, "y": y}
 

@@ -6,6 +6,7 @@ import html
 import json
 from dataclasses import fields, replace
 
+import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
@@ -14,14 +15,28 @@ from dashboards.keys import Copy
 from dashboards.pictures.beacon_map import BeaconMap
 from dashboards.session import SPEEDS
 from dashboards.tabs.tab import Tab, alone, heading, number
-from trackerlib.beacon.fix import BeaconFix, fix_history
-from trackerlib.beacon.settings import FixSettings
+from trackerlib.beacon.fix import fix_history
+from trackerlib.beacon.motion import MOTIONS
+from trackerlib.beacon.result import BeaconFix
+from trackerlib.beacon.settings import METHODS, FixSettings
 from trackerlib.commands.fix import document
 from trackerlib.frames import degrees_minutes, utm
 from trackerlib.rounding import value_with_sigma
 from trackerlib.textfiles import InputError
 
-OPTIONAL = ("gps_rms_m", "sample_interval_ms")  # may be left empty
+OPTIONAL = (
+    "gps_rms_m",
+    "sample_interval_ms",
+    "interval_s",
+    "experiments",
+    "spacing",
+    "step",
+)  # may be left empty
+WHOLE = ("experiments", "spacing", "step")  # whole numbers
+MOTION_NAMES = dict(
+    zip(("lies still", "sinks or rises", "drifts level", "moves freely"), MOTIONS, strict=True)
+)
+METHOD_NAMES = dict(zip(("every ping", "the thesis's experiments"), METHODS, strict=True))
 HISTORY_FIXES = 60  # fixes that "Fix history" spreads over the survey
 
 
@@ -117,6 +132,32 @@ class BeaconTab(Tab):
         self.emission = pmui.Checkbox(
             label="Emission time known", value=settings.emission_known, margin=(0, 8)
         )
+        self.motion = choice("The beacon", MOTION_NAMES, settings.motion)
+        self.method = choice("Estimator", METHOD_NAMES, settings.method)
+        self.max_speed = number(
+            "Greatest speed (m/s)", settings.max_speed_mps, "Search region, of a beacon that moves"
+        )
+        self.interval = optional(
+            "Interval of the pinger (s)",
+            settings.interval_s,
+            "times are not folded",
+            "Where times are known up to whole intervals only; empty: they are not folded",
+        )
+        self.experiments = optional(
+            "Experiments",
+            settings.experiments,
+            "all there are",
+            "Pairs of receptions of the thesis's estimator",
+        )
+        self.spacing = optional(
+            "Spacing (receptions)",
+            settings.spacing,
+            "the thesis's least",
+            "From the first of a pair to the second",
+        )
+        self.step = optional(
+            "Step (receptions)", settings.step, "as the spacing", "From one pair to the next; empty: chained"
+        )
         self.leave_out = pmui.Button(
             label="Leave out selected pings", size="small", variant="outlined", margin=(6, 8)
         )
@@ -138,6 +179,13 @@ class BeaconTab(Tab):
             "hydrophone_depth_m": self.hydrophone,
             "sample_interval_ms": self.sample,
             "emission_known": self.emission,
+            "motion": self.motion,
+            "method": self.method,
+            "max_speed_mps": self.max_speed,
+            "interval_s": self.interval,
+            "experiments": self.experiments,
+            "spacing": self.spacing,
+            "step": self.step,
         }
         for name, widget in self._setting_widgets.items():
             widget.param.watch(lambda event, name=name: self._set(**{name: event.new}), "value")
@@ -155,6 +203,7 @@ class BeaconTab(Tab):
             self.sound_speed,
             self.use_profile,
             self.gps,
+            self.motion,
             self.reject,
             self.history_button,
         ]
@@ -167,6 +216,13 @@ class BeaconTab(Tab):
             self.hydrophone,
             self.sample,
             self.emission,
+            self.interval,
+            self.max_speed,
+            heading("Estimator"),
+            self.method,
+            self.experiments,
+            self.spacing,
+            self.step,
             heading("Edits"),
             self.leave_out,
             self.restore,
@@ -220,9 +276,7 @@ class BeaconTab(Tab):
                 value = (
                     settings.speed_sigma_mps if name == "sound_speed_sigma_mps" else getattr(settings, name)
                 )
-                widget.value = (
-                    ("" if value is None else f"{value:g}") if widget in (self.gps, self.sample) else value
-                )
+                widget.value = ("" if value is None else f"{value:g}") if name in OPTIONAL else value
             self._profile = settings.profile or self._profile
             self.use_profile.param.update(value=settings.profile is not None, disabled=self._profile is None)
             self.sound_speed.disabled = settings.profile is not None
@@ -245,6 +299,9 @@ class BeaconTab(Tab):
             return
         try:
             changes = {name: typed(value) if name in OPTIONAL else value for name, value in changes.items()}
+            for name in WHOLE:
+                if changes.get(name) is not None:
+                    changes[name] = int(changes[name])
             self.session.edit(fix_settings=replace(self.session.fix_settings, **changes))
         except (TypeError, ValueError) as error:
             self.session.report(InputError(str(error)))
@@ -299,6 +356,13 @@ class BeaconTab(Tab):
         return "beacon-fix.json", json.dumps(answer, indent=1)
 
 
+def choice(label: str, names: dict[str, str], value: str):
+    """A drop-down list of words for values."""
+    return pmui.Select(
+        label=label, options=names, value=value, size="small", sizing_mode="stretch_width", margin=(5, 8)
+    )
+
+
 def optional(label: str, value: float | None, empty: str, tip: str):
     """A number that may be left empty."""
     text = "" if value is None else f"{value:g}"
@@ -326,13 +390,16 @@ def typed(value):
 def sentence(fix: BeaconFix) -> str:
     """The answer as a person would read it aloud, as HTML."""
     if fix.converged:
-        shape = fix.ellipse
-        return (
-            f"<b>The beacon lies at {html.escape(degrees_minutes(fix.lat_deg, 'NS'))}, "
-            f"{html.escape(degrees_minutes(fix.lon_deg, 'EW'))}</b>, depth "
-            f"{value_with_sigma(fix.depth_m, fix.sigma[2], 'm')}. With 95 % probability it is within an ellipse of "
+        now = fix.present
+        shape = now.ellipse
+        words = (
+            f"<b>The beacon {'lies' if fix.velocity is None else 'is now'} at "
+            f"{html.escape(degrees_minutes(now.lat_deg, 'NS'))}, "
+            f"{html.escape(degrees_minutes(now.lon_deg, 'EW'))}</b>, depth "
+            f"{value_with_sigma(now.depth_m, now.sigma[2], 'm')}. With 95 % probability it is within an ellipse of "
             f"{shape.semi_major_m:.2g} by {shape.semi_minor_m:.2g} m whose long axis bears {shape.bearing_deg:.0f}°."
         )
+        return words if fix.velocity is None else words + " " + movement(fix)
     words = f"<b>No fix yet:</b> {html.escape(fix.reason or '')}."
     if fix.along_track_m is not None:
         words += (
@@ -342,15 +409,30 @@ def sentence(fix: BeaconFix) -> str:
     return words
 
 
+def movement(fix: BeaconFix) -> str:
+    """How a moving beacon moves, in a sentence."""
+    east, north, up = (float(value) for value in fix.velocity)
+    parts = []
+    if east or north:
+        sigma = float(np.sqrt(np.trace(fix.uncertainty.covariance[3:5, 3:5]) / 2))
+        bearing = np.degrees(np.arctan2(east, north)) % 360
+        parts.append(f"drifts {value_with_sigma(np.hypot(east, north), sigma, 'm/s')} towards {bearing:.0f}°")
+    if up:
+        way = "rises" if up > 0 else "sinks"
+        parts.append(f"{way} at {value_with_sigma(abs(up), float(fix.uncertainty.sigma[5]), 'm/s')}")
+    return f"It {' and '.join(parts)}."
+
+
 def table(fix: BeaconFix) -> str:
     """The numbers below the sentence, as HTML."""
     rows = []
     if fix.position is not None:
-        sigma = fix.sigma if fix.sigma is not None else (None, None, None)
+        now = fix.present
+        sigma = now.sigma if now.sigma is not None else (None, None, None)
         rows = [
-            ("east of first ping", value_with_sigma(float(fix.position[0]), sigma[0], "m")),
-            ("north of first ping", value_with_sigma(float(fix.position[1]), sigma[1], "m")),
-            ("depth", value_with_sigma(fix.depth_m, sigma[2], "m")),
+            ("east of first ping", value_with_sigma(float(now.position[0]), sigma[0], "m")),
+            ("north of first ping", value_with_sigma(float(now.position[1]), sigma[1], "m")),
+            ("depth", value_with_sigma(now.depth_m, sigma[2], "m")),
         ]
         rows += [(name, text) for name, text in position_texts(fix).items() if name != "everything"]
     if fix.uncertainty is not None:
@@ -377,10 +459,11 @@ def position_texts(fix: BeaconFix) -> dict[str, str]:
     """The position as people copy it: decimal degrees, degrees and minutes, UTM, and all numbers as JSON."""
     if fix.position is None:
         return {}
-    zone, easting, northing = utm(fix.lat_deg, fix.lon_deg)
+    now = fix.present
+    zone, easting, northing = utm(now.lat_deg, now.lon_deg)
     return {
-        "degrees": f"{fix.lat_deg:.8f}, {fix.lon_deg:.8f}",
-        "minutes": f"{degrees_minutes(fix.lat_deg, 'NS')}, {degrees_minutes(fix.lon_deg, 'EW')}",
+        "degrees": f"{now.lat_deg:.8f}, {now.lon_deg:.8f}",
+        "minutes": f"{degrees_minutes(now.lat_deg, 'NS')}, {degrees_minutes(now.lon_deg, 'EW')}",
         "UTM": f"{zone} {easting:.2f} E {northing:.2f} N (WGS 84)",
         "everything": json.dumps(document(fix)),
     }

@@ -203,3 +203,22 @@ def test_the_home_box_grows_to_hold_both_mirror_solutions(tab):
     for x, y in zip(tab.map.alternatives.data["x"], tab.map.alternatives.data["y"], strict=True):
         assert x0 <= x <= x1
         assert y0 <= y <= y1
+
+
+def test_a_moving_beacon_is_shown_where_it_is_now(tab):
+    tab.motion.value = "free"
+    fix = tab.session.fix
+    assert fix.velocity is not None
+    assert len(tab.map.drift.data["x"]) == 2
+    assert "now" in tab.sentence.object or "No fix" in tab.sentence.object
+    tab.session.undo()
+    assert tab.session.fix.velocity is None
+    assert len(tab.map.drift.data["x"]) == 0
+
+
+def test_the_thesis_estimator_can_be_chosen(tab):
+    tab.spacing.value = "20"
+    tab.method.value = "pairs"
+    assert tab.session.fix.method == "pairs"
+    assert tab.session.fix_settings.spacing == 20
+    assert tab.session.fix.converged

@@ -28,6 +28,28 @@ class Solution:
 
 
 @dataclass(frozen=True, eq=False)
+class Present:
+    """A beacon's place at the last ping."""
+
+    elapsed_s: float  # since the first ping
+    position: np.ndarray  # (3,) east, north, up [m] in the frame of the fix
+    lat_deg: float
+    lon_deg: float
+    depth_m: float
+    covariance: np.ndarray | None  # (3, 3) [m^2]
+
+    @property
+    def sigma(self) -> np.ndarray | None:
+        """Standard errors (3,) [m] east, north, depth."""
+        return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
+
+    @property
+    def ellipse(self) -> Ellipse | None:
+        """95 % ellipse on the map."""
+        return None if self.covariance is None else ellipse95(self.covariance)
+
+
+@dataclass(frozen=True, eq=False)
 class BeaconFix:
     """Where the beacon is, how sure that is, or why it cannot be said.
 
@@ -80,6 +102,17 @@ class BeaconFix:
             return self.position, self.uncertainty.covariance
         step = np.hstack([np.eye(3), elapsed_s * np.eye(3)])
         return self.position + elapsed_s * self.velocity, step @ self.uncertainty.covariance @ step.T
+
+    @property
+    def present(self) -> Present:
+        """Where the beacon is at the last ping; a beacon that lies still is where it was."""
+        instant = 0.0 if self.velocity is None or self.elapsed_s is None else float(np.max(self.elapsed_s))
+        if self.position is None:
+            raise ValueError(f"there is no position to project: {self.reason}")
+        moved = np.zeros(3) if self.velocity is None else instant * self.velocity
+        covariance = None if self.uncertainty is None else self.at(instant)[1]
+        lat, lon, up = self.frame.to_geodetic(self.position + moved)
+        return Present(instant, self.position + moved, float(lat), float(lon), -float(up), covariance)
 
     @property
     def steadiest_s(self) -> float:
