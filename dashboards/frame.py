@@ -26,6 +26,7 @@ TABS = (
     "dashboards.tabs.crossover:CrossoverTab",
     "dashboards.tabs.timing:TimingTab",
     "dashboards.tabs.beacon:BeaconTab",
+    "dashboards.tabs.montecarlo:MonteCarloTab",
 )
 TICK_MS = 200
 

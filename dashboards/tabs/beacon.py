@@ -14,7 +14,7 @@ from dashboards.guard import tile_address
 from dashboards.keys import Copy
 from dashboards.pictures.beacon_map import BeaconMap
 from dashboards.session import SPEEDS
-from dashboards.tabs.tab import Tab, alone, heading, number
+from dashboards.tabs.tab import Tab, alone, choice, heading, number
 from trackerlib.beacon.fix import fix_history
 from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.result import BeaconFix
@@ -354,13 +354,6 @@ class BeaconTab(Tab):
             return None
         answer = {"survey": self.session.pings.source, **document(fix)}
         return "beacon-fix.json", json.dumps(answer, indent=1)
-
-
-def choice(label: str, names: dict[str, str], value: str):
-    """A drop-down list of words for values."""
-    return pmui.Select(
-        label=label, options=names, value=value, size="small", sizing_mode="stretch_width", margin=(5, 8)
-    )
 
 
 def optional(label: str, value: float | None, empty: str, tip: str):

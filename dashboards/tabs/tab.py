@@ -38,6 +38,10 @@ from dashboards.session import Session
 
 log = logging.getLogger("workbench")
 
+# Stylesheet of a small table.
+TABLE = (
+    ":host .tabulator { font-size: 12px; } .tabulator-cell, .tabulator-col { padding: 2px 4px !important; }"
+)
 # An accordion's title as small as the controls above it.
 FOLDED = {
     "& .MuiAccordionSummary-root": {"minHeight": "30px", "padding": "0 8px"},
@@ -160,6 +164,13 @@ def number(label: str, value, tip: str, **options):
         sizing_mode="stretch_width",
         margin=(5, 8),
         **options,
+    )
+
+
+def choice(label: str, names: dict, value):
+    """A drop-down list of words for values."""
+    return pmui.Select(
+        label=label, options=names, value=value, size="small", sizing_mode="stretch_width", margin=(5, 8)
     )
 
 

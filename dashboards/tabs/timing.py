@@ -10,7 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pictures.track_views import TrackViews
-from dashboards.tabs.tab import Tab, alone, heading
+from dashboards.tabs.tab import TABLE, Tab, alone, heading
 from trackerlib.commands.timing import document, offsets_csv
 from trackerlib.rounding import value_with_sigma
 from trackerlib.timing.correction import TimingCorrection, corrected_tracks, fit_timing, stretches
@@ -216,11 +216,6 @@ class TimingTab(Tab):
         answers = self._answers or [document(self._set.source, self._set, self.session.correction)]
         label = "# SIMULATED DATA\n" if self.session.simulated else ""
         return "offsets.csv", label + offsets_csv(answers, "", "")
-
-
-TABLE = (
-    ":host .tabulator { font-size: 12px; } .tabulator-cell, .tabulator-col { padding: 2px 4px !important; }"
-)
 
 
 def _slider(label: str, limit: float, step: float, digits: str):
