@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import html
+import io
 import json
+import tempfile
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import panel as pn
@@ -20,6 +23,7 @@ from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import METHODS, FixSettings
 from trackerlib.commands.fix import document
+from trackerlib.exports.export import LAYOUTS, export_fix
 from trackerlib.frames import degrees_minutes, utm
 from trackerlib.rounding import value_with_sigma
 from trackerlib.textfiles import InputError
@@ -33,6 +37,15 @@ OPTIONAL = (
     "step",
 )  # may be left empty
 WHOLE = ("experiments", "spacing", "step")  # whole numbers
+EXPORT_NAMES = {
+    "GPX 1.1 (plotters)": "gpx-1.1",
+    "GPX 1.0": "gpx-1.0",
+    "KML (globes)": "kml",
+    "GeoJSON": "geojson",
+    "CSV of the pings": "csv",
+    "NetCDF (CF-1.11)": "netcdf",
+    "Report (HTML)": "html",
+}
 MOTION_NAMES = dict(
     zip(("lies still", "sinks or rises", "drifts level", "moves freely"), MOTIONS, strict=True)
 )
@@ -59,6 +72,15 @@ class BeaconTab(Tab):
             name: Copy(label=f"Copy {name}", margin=(2, 4))
             for name in ("degrees", "minutes", "UTM", "everything")
         }
+        self.layout = choice("Export as", EXPORT_NAMES, "gpx-1.1")
+        self.layout.param.watch(lambda event: self._name_export(), "value")
+        self.download = pmui.FileDownload(
+            label="Export the fix",
+            callback=self._export_file,
+            filename="beacon-fix.gpx",
+            size="small",
+            margin=(6, 8),
+        )
         self._make_controls()
 
     # -- controls ------------------------------------------------------------------------------
@@ -227,6 +249,9 @@ class BeaconTab(Tab):
             self.leave_out,
             self.restore,
             self.defaults,
+            heading("Files"),
+            self.layout,
+            self.download,
         ]
 
     # -- picture and answer --------------------------------------------------------------------
@@ -347,6 +372,20 @@ class BeaconTab(Tab):
                 self.map.set_history(fixes)
 
         self.session.jobs.start("Fix history", work, done)
+
+    def _name_export(self) -> None:
+        suffix = LAYOUTS[self.layout.value][0]
+        self.download.filename = f"beacon-fix{suffix}"
+
+    def _export_file(self) -> io.BytesIO:
+        """The fix in the layout chosen, as a file for the browser to save."""
+        session = self.session
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / self.download.filename
+            if session.fix is not None:
+                heard = session.pings.only(slice(0, len(session.fix.number)))
+                export_fix(session.fix, path, self.layout.value, pings=heard, settings=session.fix_settings)
+            return io.BytesIO(path.read_bytes() if path.exists() else b"")
 
     def export(self):
         fix = self.session.fix

@@ -60,7 +60,8 @@ class MonteCarloTab(Tab):
         self.words = pn.pane.HTML(sizing_mode="stretch_width", margin=(6, 10), styles={"font-size": "14px"})
         self.table = pn.widgets.Tabulator(
             disabled=True, show_index=False, pagination="local", page_size=18, sizing_mode="stretch_width",
-            visible=False, theme="simple", margin=(6, 8), stylesheets=[TABLE],
+            visible=False, theme="simple", margin=(6, 8), stylesheets=[TABLE], layout="fit_columns",
+            configuration={"columnDefaults": {"headerSort": False}},
         )  # fmt: skip
 
     def controls(self):

@@ -222,3 +222,10 @@ def test_the_thesis_estimator_can_be_chosen(tab):
     assert tab.session.fix.method == "pairs"
     assert tab.session.fix_settings.spacing == 20
     assert tab.session.fix.converged
+
+
+@pytest.mark.parametrize(("layout", "suffix"), [("gpx-1.0", ".gpx"), ("netcdf", ".nc"), ("html", ".html")])
+def test_the_fix_is_saved_in_the_layout_chosen(tab, layout, suffix):
+    tab.layout.value = layout
+    assert tab.download.filename.endswith(suffix)
+    assert len(tab._export_file().getvalue()) > 1000

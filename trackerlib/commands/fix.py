@@ -16,6 +16,7 @@ from trackerlib.beacon.pairs import LEAST_EXPERIMENTS
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import METHODS, FixSettings
 from trackerlib.beacon.uncertainty import ellipse95
+from trackerlib.exports.export import SUFFIXES, export_fix
 from trackerlib.rounding import value_with_sigma
 from trackerlib.surveyfiles.profile_csv import read_profile_csv
 from trackerlib.surveyfiles.survey import LAYOUTS, read_survey
@@ -64,6 +65,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--max-range-m", type=float, default=defaults.max_range_m, metavar="R")
     add("--max-depth-m", type=float, default=defaults.max_depth_m, metavar="D")
     add("--hydrophone-depth-m", type=float, default=0.0, metavar="H", help="where the file does not say")
+    add(
+        "--export",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help=f"also write {', '.join(SUFFIXES)}",
+    )
+    add("--gpx-version", choices=("1.1", "1.0"), default="1.1", help="of an exported .gpx")
     add("--reject", choices=("auto", "none"), default="auto", help="leave out false returns, or nothing")
 
 
@@ -112,7 +122,11 @@ def run(args: argparse.Namespace) -> dict:
                 f"fewer than the {count} experiments at spacing {spacing} that the thesis asks for",
                 file=sys.stderr,
             )
-    return document(fix_beacon(reading.pings, settings))
+    fix = fix_beacon(reading.pings, settings)
+    for path in args.export:
+        layout = f"gpx-{args.gpx_version}" if path.suffix.lower() == ".gpx" else None
+        export_fix(fix, path, layout, pings=reading.pings, settings=settings)
+    return document(fix)
 
 
 def document(fix: BeaconFix) -> dict:

@@ -1,0 +1,1 @@
+"""A beacon fix in the formats that chart plotters, globes, spreadsheets and archives read."""
