@@ -13,6 +13,8 @@ import numpy as np
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.pairs import LEAST_EXPERIMENTS
+from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.planning import error_budget
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import METHODS, FixSettings
 from trackerlib.beacon.uncertainty import ellipse95
@@ -77,8 +79,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--reject", choices=("auto", "none"), default="auto", help="leave out false returns, or nothing")
 
 
-def run(args: argparse.Namespace) -> dict:
-    """The answer of `fix` as a document for JSON."""
+def read(args: argparse.Namespace) -> tuple[Pings, FixSettings]:
+    """The survey and the settings that the options of `fix` tell; raises InputError."""
     reading = read_survey(
         args.pings,
         layout=args.format,
@@ -122,11 +124,21 @@ def run(args: argparse.Namespace) -> dict:
                 f"fewer than the {count} experiments at spacing {spacing} that the thesis asks for",
                 file=sys.stderr,
             )
-    fix = fix_beacon(reading.pings, settings)
+    return reading.pings, settings
+
+
+def run(args: argparse.Namespace) -> dict:
+    """The answer of `fix` as a document for JSON."""
+    pings, settings = read(args)
+    fix = fix_beacon(pings, settings)
     for path in args.export:
         layout = f"gpx-{args.gpx_version}" if path.suffix.lower() == ".gpx" else None
-        export_fix(fix, path, layout, pings=reading.pings, settings=settings)
-    return document(fix)
+        export_fix(fix, path, layout, pings=pings, settings=settings)
+    answer = document(fix)
+    if fix.uncertainty is not None and fix.position is not None:
+        budget = error_budget(pings, fix, settings)
+        answer["error_budget_m"] = {name: list(values) for name, values in asdict(budget).items()}
+    return answer
 
 
 def document(fix: BeaconFix) -> dict:
@@ -286,6 +298,11 @@ def report(answer: dict) -> str:
                 f"{up['lat_deg']:.6f}, {up['lon_deg']:.6f} (sigma {up['sigma_east_m']:.2g} m east, "
                 f"{up['sigma_north_m']:.2g} m north)"
             )
+    if "error_budget_m" in answer:
+        causes = [
+            f"{values[2]:.2g} m {name.replace('_', ' ')}" for name, values in answer["error_budget_m"].items()
+        ]
+        lines.append(f"of depth  sigma from {', '.join(causes)}")
     if answer.get("along_track_m") is not None:
         lines.append(f"along track {answer['along_track_m']:.0f} m from the first ping")
         lines.append(f"closest slant range {answer['closest_slant_range_m']:.0f} m")

@@ -1,0 +1,169 @@
+"""Forecasts of legs: what the fix states now, what simulation finds later."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import gpxpy
+import numpy as np
+import pytest
+
+from trackerlib.beacon.fix import fix_beacon
+from trackerlib.beacon.paths import StraightPaths
+from trackerlib.beacon.planning import (
+    Leg,
+    accuracy_map,
+    error_budget,
+    plan_next_leg,
+    surveys_so_far,
+    time_to_reach,
+    turning_point,
+)
+from trackerlib.beacon.settings import FixSettings
+from trackerlib.commands import main
+from trackerlib.frames import LocalFrame
+from trackerlib.simulation.beacon_survey import Errors, sail, simulate_survey
+from trackerlib.simulation.hexagon import SCENARIOS, sail_hexagon
+
+BEACON = np.array([900.0, 1100.0, -1800.0])
+FRAME = LocalFrame(43.0, -50.0)
+SETTINGS = FixSettings(gps_rms_m=3.0, sample_interval_ms=1.0, sound_speed_sigma_mps=0.0)
+LEGS = np.array([[0.0, 1200.0], [110.0, 1000.0]])
+
+
+def survey(seed=0, legs=LEGS, gps_rms_m=3.0):
+    track = sail(legs, np.zeros(2), 3.0, 4.0)
+    rng = np.random.default_rng(seed)
+    errors = Errors(gps_rms_m=gps_rms_m, time_rms_s=1e-3 / np.sqrt(12))
+    return simulate_survey(
+        track, BEACON, StraightPaths(1500.0), FRAME, rng, errors, emission_offset_s=0.2, interval_s=4.0
+    )
+
+
+@pytest.mark.parametrize("told", [3.0, None])
+def test_the_forecast_of_now_is_what_the_fix_states(told):
+    how = replace(SETTINGS, gps_rms_m=told)
+    pings = survey()
+    fix = fix_beacon(pings, how)
+    now = plan_next_leg(pings, fix, how).now
+    assert np.sqrt(np.diag(now)) == pytest.approx(fix.sigma, rel=0.1)
+
+
+@pytest.mark.parametrize("bearing", [60.0, 200.0])
+def test_the_spread_after_the_leg_is_the_forecast(bearing):
+    pings = survey()
+    fix = fix_beacon(pings, SETTINGS)
+    base = surveys_so_far(pings, fix, SETTINGS)[0]
+    start = fix.ship[-1, :2]
+    true_end = LEGS[:, 1] @ np.c_[np.sin(np.radians(LEGS[:, 0])), np.cos(np.radians(LEGS[:, 0]))]
+    way = np.array([np.sin(np.radians(bearing)), np.cos(np.radians(bearing))])
+    told = replace(base, ship=base.ship, gps_rms_m=3.0, time_sigma_s=1e-3 / np.sqrt(12), beacon=fix.position)
+    forecast = told.after(Leg(start, start + 1500 * way, 3.0))
+    longer = np.vstack([LEGS, [bearing, 1500.0]])
+    assert np.linalg.norm(start - true_end) < 30
+    places = []
+    for seed in range(300):
+        later = survey(100 + seed, longer)
+        done = fix_beacon(later, SETTINGS)
+        assert done.converged
+        place = done.frame.to_geodetic(done.position)
+        places.append(FRAME.to_local(*place))
+    ratio = np.sqrt(np.var(places, axis=0) / np.diag(forecast.covariance))
+    assert np.abs(ratio - 1).max() < 0.14  # 10 % and the 4 % to which 300 trials know a spread
+
+
+def test_a_leg_over_the_beacon_is_always_among_the_candidates_and_the_best_comes_first():
+    pings = survey()
+    fix = fix_beacon(pings, SETTINGS)
+    plan = plan_next_leg(pings, fix, SETTINGS, budget_s=1200.0)
+    assert plan.over_beacon is not None
+    errors = [forecast.rms_m for forecast in plan.forecasts]
+    assert errors == sorted(errors)
+    assert plan.best.rms_m < np.sqrt(np.trace(plan.now))
+    leg = plan.over_beacon.leg
+    (along_x, along_y), (x, y) = leg.end - leg.start, fix.position[:2] - leg.start
+    assert abs(along_x * y - along_y * x) / leg.length_m < 1
+    assert all(forecast.leg.duration_s <= 1200.0 + 1e-6 for forecast in plan.forecasts)
+
+
+def test_after_a_straight_line_the_plan_leaves_the_line():
+    pings = survey(legs=np.array([[0.0, 2500.0]]))
+    fix = fix_beacon(pings, SETTINGS)
+    assert fix.position is None
+    plan = plan_next_leg(pings, fix, SETTINGS, budget_s=900.0)
+    assert abs(np.sin(np.radians(plan.best.leg.bearing_deg))) > 0.3
+    assert plan.best.rms_m < 60
+
+
+def test_time_to_reach_agrees_with_the_plan():
+    pings = survey()
+    fix = fix_beacon(pings, SETTINGS)
+    base = surveys_so_far(pings, fix, SETTINGS)[0]
+    wanted = 0.5 * np.sqrt(np.trace(plan_next_leg(pings, fix, SETTINGS).now))
+    seconds = time_to_reach(base, wanted, 5.0)
+    plan = plan_next_leg(pings, fix, SETTINGS, budget_s=seconds)
+    assert plan.best.rms_m == pytest.approx(wanted, rel=0.1)
+    assert time_to_reach(base, 1e-4, 5.0) is None
+
+
+def test_the_map_is_best_beyond_the_beacon_and_no_place_is_worse_than_now_when_speed_is_known():
+    pings = survey()
+    fix = fix_beacon(pings, SETTINGS)
+    base = surveys_so_far(pings, fix, SETTINGS)[0]
+    east, north, error = accuracy_map(base, 3000.0, 5.0, cells=9)
+    now = np.sqrt(np.trace(base.forecast(base.ship, base.elapsed_s, float(base.elapsed_s[-1]))))
+    assert error.shape == (len(north), len(east)) == (9, 9)
+    assert error.max() < now * 1.01
+
+
+def test_a_moving_beacon_s_present_place_is_best_known_at_some_time():
+    """The thesis, 3.6 and 4.4.1: the projected position can get worse with a longer collection."""
+    points = sail_hexagon(SCENARIOS[5], 2400)
+    pings = survey()
+    fix = fix_beacon(pings, SETTINGS)
+    base = surveys_so_far(pings, fix, SETTINGS)[0]
+    moving = replace(
+        base,
+        motion_kind="free",
+        beacon=np.array(SCENARIOS[5].position),
+        velocity=np.array([0.5, -0.5, 0.0]),
+        interval_s=2.0,
+        gps_rms_m=3.0,
+        time_sigma_s=3e-4,
+        speed_sigma_mps=0.0,
+    )
+    seconds = turning_point(moving, points.ship[:, :2], every=60)
+    assert seconds is not None
+    assert 600 < seconds < 4800
+    still = replace(moving, motion_kind="still", velocity=np.zeros(3))
+    assert turning_point(still, points.ship[:, :2], every=60) is None
+
+
+def test_the_shares_of_an_error_budget_make_up_the_sigma():
+    pings = survey()
+    how = replace(SETTINGS, sound_speed_sigma_mps=2.0)
+    fix = fix_beacon(pings, how)
+    budget = error_budget(pings, fix, how)
+    total = np.sqrt(sum(np.square(part) for part in (budget.ship_position, budget.time, budget.sound_speed)))
+    assert total == pytest.approx(fix.sigma, rel=1e-6)
+    assert budget.ship_position[0] > budget.time[0]  # 3 m against 0.3 ms
+
+
+@pytest.mark.parametrize(("name", "value"), [("budget_s", 1.0), ("speed_mps", 0.0)])
+def test_what_makes_no_sense_is_named(name, value):
+    pings = survey()
+    fix = fix_beacon(pings, SETTINGS)
+    with pytest.raises(ValueError, match=name):
+        plan_next_leg(pings, fix, SETTINGS, **{name: value})
+
+
+def test_the_command_writes_a_route(data, tmp_path, capsys):
+    route = tmp_path / "leg.gpx"
+    demo = str(data / "beacon-demo/survey.csv")
+    assert main(["plan", demo, "--wanted-m", "12", "--route", str(route), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    points = gpxpy.parse(route.read_text()).routes[0].points
+    assert points[1].latitude == pytest.approx(answer["best"]["end_lat_deg"], abs=1e-8)
+    assert answer["seconds_to_wanted"] > 0
+    assert "SIMULATED" in route.read_text()

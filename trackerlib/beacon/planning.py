@@ -1,0 +1,375 @@
+"""Where to sail next: what a leg would add to a fix, before it is sailed.
+
+    plan = plan_next_leg(pings, fix, settings, budget_s=1800)
+    plan.best.ellipse, plan.best.words
+
+Fisher information of all pings, heard and expected, about place, motion, emission time and speed of sound, in the
+linear picture that every stated ellipse uses. Candidates go out in all directions from where the ship is; one goes
+straight over the beacon, always. After Wojcik (1993), chapters IV and VI, which found such legs to help most.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trackerlib.beacon.motion import Motion, motion_over
+from trackerlib.beacon.paths import Paths, paths_through
+from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.result import BeaconFix, time_sigma
+from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
+from trackerlib.beacon.uncertainty import Ellipse, SlowErrors, ellipse95, wider
+from trackerlib.frames import bearing_deg
+from trackerlib.rounding import decimals_for
+
+FASTEST_MPS = 5.0  # above this the flow past the hydrophone is louder than the beacon
+BEARINGS = 16
+SHARES = (0.15, 0.3, 0.6, 1.0)  # of the time budget that candidates use
+UNSEEN_M = 1e6  # standard error of what no ping shows
+NOT_KNOWN_M = 100_000.0  # an expected error of more than this is none
+USUAL_INTERVAL_S = 2.0  # where the survey does not tell one
+
+
+def rounded(value: float) -> str:
+    """A number with two digits, never as a power of ten."""
+    decimals = decimals_for(value)
+    return f"{round(value, decimals):.{max(decimals, 0)}f}"
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A straight leg to sail, in the frame of the fix."""
+
+    start: np.ndarray  # (2,) east, north [m]
+    end: np.ndarray  # (2,)
+    speed_mps: float
+    over_beacon: bool = False
+
+    @property
+    def length_m(self) -> float:
+        """How long it is."""
+        return float(np.linalg.norm(self.end - self.start))
+
+    @property
+    def bearing_deg(self) -> float:
+        """Its course from true north."""
+        return bearing_deg(*(self.end - self.start))
+
+    @property
+    def duration_s(self) -> float:
+        """How long it takes."""
+        return self.length_m / self.speed_mps
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """How well the beacon would be known at the end of a leg."""
+
+    leg: Leg
+    covariance: np.ndarray  # (3, 3) [m^2] of its place then
+    expected_pings: int
+
+    @property
+    def ellipse(self) -> Ellipse:
+        """95 % ellipse on the map."""
+        return ellipse95(self.covariance)
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard errors (3,) [m] east, north, depth."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def rms_m(self) -> float:
+        """Expected distance [m] from the truth in space, root-mean-square."""
+        return float(np.sqrt(np.trace(self.covariance)))
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Candidate legs, best first, beside what is known now."""
+
+    forecasts: tuple[Forecast, ...]
+    now: np.ndarray  # (3, 3) [m^2] covariance of the beacon's place at the last ping
+
+    @property
+    def best(self) -> Forecast:
+        """The leg that leaves the smallest expected error."""
+        return self.forecasts[0]
+
+    @property
+    def over_beacon(self) -> Forecast | None:
+        """The best leg straight over the beacon, None if the budget does not reach it."""
+        return next((forecast for forecast in self.forecasts if forecast.leg.over_beacon), None)
+
+    @property
+    def words(self) -> str:
+        """What would help, in one sentence."""
+        leg, sigma = self.best.leg, self.best.sigma
+        way = "over the beacon, " if leg.over_beacon else ""
+        before = np.sqrt(np.trace(self.now))
+        known = f"falls from {rounded(before)} to" if before < NOT_KNOWN_M else "falls to"
+        return (
+            f"Sail {way}{leg.length_m:.0f} m on {leg.bearing_deg:.0f}° at {leg.speed_mps:g} m/s "
+            f"({leg.duration_s / 60:.0f} min): the expected error {known} {rounded(self.best.rms_m)} m, "
+            f"depth sigma to {rounded(sigma[2])} m."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Pings heard, and what is assumed of those to come."""
+
+    ship: np.ndarray  # (N, 3) [m] at the pings that the fix rests on
+    elapsed_s: np.ndarray  # (N,)
+    beacon: np.ndarray  # (3,) [m] at the first ping
+    velocity: np.ndarray  # (3,) [m/s]
+    motion_kind: str
+    paths: Paths
+    time_sigma_s: float
+    gps_rms_m: float  # per axis; 0 where it is part of time_sigma_s
+    speed_sigma_mps: float
+    widened: float  # variance over that of independent pings
+    interval_s: float  # between pings to come
+    emission_known: bool
+
+    def forecast(self, ship: np.ndarray, elapsed_s: np.ndarray, at_s: float) -> np.ndarray:
+        """Covariance (3, 3) [m^2] of the beacon's place at an instant, from pings heard at ship (N, 3)."""
+        motion = motion_over(self.motion_kind, elapsed_s)
+        noise, by_speed = self._linear(ship, elapsed_s, motion)
+        step = motion.at(at_s)[:3]
+        covariance = noise + self.speed_sigma_mps**2 * np.outer(by_speed, by_speed)
+        return step @ covariance @ step.T
+
+    def _linear(self, ship, elapsed_s, motion: Motion):
+        place = self.beacon + elapsed_s[:, None] * self.velocity
+        time, gradient = (value[0] for value in self.paths.times(place[None], ship))
+        seen = np.isfinite(time)
+        gradient = np.where(seen[:, None], gradient, 0.0)
+        variance = self.time_sigma_s**2 + self.gps_rms_m**2 * np.sum(gradient[:, :2] ** 2, axis=1)
+        weight = np.where(seen, 1 / np.where(seen, variance, 1.0), 0.0)
+        slope = gradient
+        if motion.moving:
+            slope = np.hstack([slope, motion.shares(elapsed_s)[:, None] * slope])
+        slope = slope @ motion.axes.T
+        time = np.where(seen, time, 0.0)
+        if not self.emission_known:
+            total = max(weight.sum(), 1e-300)
+            slope = slope - weight @ slope / total
+            time = time - weight @ time / total
+        information = (slope * weight[:, None]).T @ slope
+        inverse = np.linalg.inv(information + np.eye(len(information)) / UNSEEN_M**2)
+        mean_speed = self.paths.mean_speed(max(-float(self.beacon[2]), 0.0))
+        by_speed = inverse @ (slope.T @ (weight * time)) / mean_speed
+        noise = self.widened * inverse
+        if (
+            not self.gps_rms_m
+        ):  # not told: as wide as slow errors of the ship's position make it, like the fix
+            gain = (slope * weight[:, None]) @ inverse
+            slow = SlowErrors(ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, elapsed_s)
+            noise = wider(noise, slow.moved_by(gradient[:, :2, None] * gain[:, None, :]))
+        return motion.axes.T @ noise @ motion.axes, by_speed @ motion.axes
+
+    def after(self, leg: Leg) -> Forecast:
+        """What the survey would come to with a leg added at its end."""
+        expected = np.arange(self.interval_s, leg.duration_s + 1e-9, self.interval_s)
+        along = (expected / max(leg.duration_s, 1e-9))[:, None]
+        place = leg.start + along * (leg.end - leg.start)
+        last = float(np.max(self.elapsed_s))
+        ship = np.vstack([self.ship, np.column_stack([place, np.full(len(place), self.ship[-1, 2])])])
+        elapsed = np.concatenate([self.elapsed_s, last + expected])
+        return Forecast(leg, self.forecast(ship, elapsed, last + leg.duration_s), len(expected))
+
+
+def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[Survey]:
+    """What a plan builds on, for each place that fits: the pings of a fix with the errors its residuals show.
+
+    Raises ValueError, with the reason, for a fix with no place at all, not even a pair of mirror solutions.
+    """
+    places = [np.array([a.east_m, a.north_m, -a.depth_m]) for a in fix.alternatives]
+    if fix.position is not None:
+        places = [fix.position, *places]
+    if not places or fix.residual_s is None or fix.sound_speed_mps is None:
+        raise ValueError(f"there is no place to plan from: {fix.reason}")
+    used = fix.used
+    elapsed = fix.elapsed_s if fix.elapsed_s is not None else pings.instant_s
+    apart = np.diff(np.sort(elapsed))
+    apart = apart[apart > 0]
+    told = settings.gps_rms_m or 0.0
+    rms = max(float(np.sqrt(np.mean(fix.residual_s[used] ** 2))), time_sigma(pings, settings))
+    residual, velocity = fix.residual_s[used], np.zeros(3) if fix.velocity is None else fix.velocity
+    paths = paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m)
+    scale = 1.0
+    if told:  # both errors grow together until they explain the residuals
+        gradient = paths.times((places[0] + elapsed[used, None] * velocity)[None], fix.ship[used])[1][
+            0, :, :2
+        ]
+        stated = time_sigma(pings, settings) ** 2 + told**2 * np.sum(gradient**2, axis=1)
+        scale = max(float(np.sqrt(np.nanmean(residual**2 / stated))), 1e-3)
+    one = Survey(
+        ship=fix.ship[used],
+        elapsed_s=elapsed[used],
+        beacon=places[0],
+        velocity=velocity,
+        motion_kind=settings.motion,
+        paths=paths,
+        time_sigma_s=scale * time_sigma(pings, settings) if told else rms,
+        gps_rms_m=scale * told,
+        speed_sigma_mps=settings.speed_sigma_mps,
+        widened=1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length,
+        interval_s=float(np.median(apart)) if len(apart) else USUAL_INTERVAL_S,
+        emission_known=settings.emission_known,
+    )
+    return [replace(one, beacon=place) for place in places]
+
+
+def plan_next_leg(
+    pings: Pings,
+    fix: BeaconFix,
+    settings: FixSettings,
+    budget_s: float = 1800.0,
+    speed_mps: float = FASTEST_MPS,
+) -> Plan:
+    """Candidate legs of a time budget, the best first; one of them straight over the beacon and beyond.
+
+    Where several places fit, each leg is judged by the place for which it does least.
+    Raises ValueError for a budget or speed that makes no sense and for a fix without a place.
+    """
+    if not 10 <= budget_s <= 10 * 86_400:
+        raise ValueError(f"budget_s is {budget_s:g}; wanted 10 to 864000")
+    if not 0.1 <= speed_mps <= 20:
+        raise ValueError(f"speed_mps is {speed_mps:g}; wanted 0.1 to 20")
+    surveys = surveys_so_far(pings, fix, settings)
+    legs = candidate_legs(surveys[0], budget_s, speed_mps)
+    legs += [
+        leg for other in surveys[1:] for leg in candidate_legs(other, budget_s, speed_mps) if leg.over_beacon
+    ]
+    forecasts = sorted((forecast_leg(surveys, leg) for leg in legs), key=lambda forecast: forecast.rms_m)
+    first = surveys[0]
+    return Plan(tuple(forecasts), first.forecast(first.ship, first.elapsed_s, float(np.max(first.elapsed_s))))
+
+
+def forecast_leg(surveys: list[Survey], leg: Leg) -> Forecast:
+    """How well the beacon would be known after a leg, for the place that it tells least of."""
+    return max((survey.after(leg) for survey in surveys), key=lambda forecast: forecast.rms_m)
+
+
+def candidate_legs(survey: Survey, budget_s: float, speed_mps: float) -> list[Leg]:
+    """Legs within a time budget in BEARINGS directions from the last ping, the ones over the beacon first."""
+    start, reach = survey.ship[-1, :2], budget_s * speed_mps
+    last = float(np.max(survey.elapsed_s))
+    there = (survey.beacon + last * survey.velocity)[:2] - start
+    distance = float(np.linalg.norm(there))
+    course = there / distance if distance > 1 else np.array([0.0, 1.0])
+    angles = 2 * np.pi * np.arange(BEARINGS) / BEARINGS
+    courses = [course, *np.column_stack([np.sin(angles), np.cos(angles)])]
+    return [
+        Leg(start, start + share * reach * way, speed_mps, over_beacon=k == 0 and share * reach >= distance)
+        for k, way in enumerate(courses)
+        for share in sorted({*SHARES, 1.0 if k else min(1.2 * distance / reach, 1.0)})
+    ]
+
+
+def accuracy_map(survey: Survey, half_width_m: float, speed_mps: float, cells: int = 25):
+    """Expected error [m] (cells, cells), by north then east, at the end of a straight leg to each place of a grid.
+
+    Also the grid's east (cells,) and north (cells,) [m]; it is centred on the beacon.
+    """
+    centre = (survey.beacon + float(np.max(survey.elapsed_s)) * survey.velocity)[:2]
+    steps = np.linspace(-half_width_m, half_width_m, cells)
+    east, north = centre[0] + steps, centre[1] + steps
+    error = np.array(
+        [
+            [survey.after(Leg(survey.ship[-1, :2], np.array([x, y]), speed_mps)).rms_m for x in east]
+            for y in north
+        ]
+    )
+    return east, north, error
+
+
+def time_to_reach(
+    survey: Survey, wanted_m: float, speed_mps: float, longest_s: float = 86_400.0
+) -> float | None:
+    """Least time [s] of a straight leg after which the expected error is `wanted_m`, or None within `longest_s`."""
+    if not wanted_m > 0:
+        raise ValueError(f"wanted_m is {wanted_m:g}; wanted more than 0")
+
+    def best(budget_s: float) -> float:
+        return min(survey.after(leg).rms_m for leg in candidate_legs(survey, budget_s, speed_mps))
+
+    low, high = 0.0, 60.0
+    while best(high) > wanted_m:
+        low, high = high, 2 * high
+        if high > longest_s:
+            return None
+    for _ in range(12):
+        middle = (low + high) / 2
+        low, high = (low, middle) if best(middle) <= wanted_m else (middle, high)
+    return high
+
+
+def error_over_time(survey: Survey, track: np.ndarray, every: int = 1):
+    """Expected error [m] of the present position after the first n pings of a track (N, 2), for n = 8, ... N.
+
+    Returns the counts and the errors. A moving beacon's error can rise again with time: the thesis's 3.6, 4.4.1.
+    """
+    counts = np.arange(8, len(track) + 1, every)
+    elapsed = survey.interval_s * np.arange(len(track))
+    ship = np.column_stack([track, np.full(len(track), survey.ship[-1, 2])])
+    errors = [np.sqrt(np.trace(survey.forecast(ship[:n], elapsed[:n], elapsed[n - 1]))) for n in counts]
+    return counts, np.array(errors)
+
+
+def turning_point(survey: Survey, track: np.ndarray, every: int = 1) -> float | None:
+    """Collection time [s] at which the present position is known best, None if it is still getting better."""
+    counts, errors = error_over_time(survey, track, every)
+    best = int(np.argmin(errors))
+    return None if best == len(counts) - 1 else float(survey.interval_s * (counts[best] - 1))
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Standard errors (east, north, depth) [m] from each cause alone; their squares add up."""
+
+    ship_position: tuple[float, float, float]
+    time: tuple[float, float, float]
+    sound_speed: tuple[float, float, float]
+
+
+def error_budget(pings: Pings, fix: BeaconFix, settings: FixSettings) -> ErrorBudget:
+    """How much of each sigma of a fix comes from ship positions, from times, and from the speed of sound.
+
+    Where the ship's error is not told, what the logging step of the times does not explain is the ship's.
+    The shares are scaled so that all three make up the sigmas stated.
+    Raises ValueError for a fix without a position or uncertainty.
+    """
+    uncertainty = fix.uncertainty
+    if uncertainty is None:
+        raise ValueError(f"there is no uncertainty to share out: {fix.reason}")
+    survey = surveys_so_far(pings, fix, settings)[0]
+    times = time_sigma(pings, settings)
+    share_of_time = np.full(3, min(times / max(uncertainty.rms_s, 1e-12), 1.0) ** 2)
+    if settings.gps_rms_m:
+        both = np.diag(survey.forecast(survey.ship, survey.elapsed_s, 0.0))
+        alone = replace(survey, time_sigma_s=1e-9)
+        ship = np.diag(alone.forecast(alone.ship, alone.elapsed_s, 0.0))
+        share_of_time = np.clip(1 - ship / np.maximum(both, 1e-300), 0.0, 1.0)
+    noise = np.diag(uncertainty.noise_covariance)[:3]
+    speed = np.abs(uncertainty.by_sound_speed[:3]) * uncertainty.speed_sigma_mps
+
+    def three(values) -> tuple[float, float, float]:
+        east, north, depth = (float(value) for value in values)
+        return east, north, depth
+
+    return ErrorBudget(
+        three(np.sqrt(noise * (1 - share_of_time))), three(np.sqrt(noise * share_of_time)), three(speed)
+    )
+
+
+def budget_words(budget: ErrorBudget, sigma: np.ndarray) -> str:
+    """The greatest cause of the depth's sigma, in words."""
+    parts = {"ship position": budget.ship_position, "time": budget.time, "sound speed": budget.sound_speed}
+    worst = max(parts, key=lambda name: parts[name][2])
+    share = 100 * (parts[worst][2] / float(sigma[2])) ** 2
+    return f"{share:.0f} % of the depth's variance comes from {worst} ({rounded(parts[worst][2])} m)"
