@@ -10,13 +10,16 @@ from bokeh.models import (
     Legend,
     LegendItem,
     LinearColorMapper,
+    PointDrawTool,
     Span,
 )
+from bokeh.palettes import Cividis256
 from bokeh.plotting import figure
 
 from dashboards.palette import DIVERGING, ESTIMATE, REJECTED, SHIP, TRUTH
 from dashboards.pictures.mercator import map_figure, mercator, show_box
 from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.planning import Forecast
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.uncertainty import Ellipse
 
@@ -67,6 +70,12 @@ class BeaconMap:
         self.alternatives = ColumnDataSource({"x": [], "y": [], "label": []}, name="alternatives")
         self.truth = ColumnDataSource({"x": [], "y": []}, name="truth")
         self.drift = ColumnDataSource({"x": [], "y": []}, name="drift")
+        self.leg = ColumnDataSource({"x": [], "y": []}, name="leg")
+        self.leg_end = ColumnDataSource({"x": [], "y": []}, name="leg end")
+        self.forecast = ColumnDataSource({"x": [], "y": []}, name="forecast")
+        self.attainable = ColumnDataSource(
+            {name: [] for name in ("image", "x", "y", "dw", "dh")}, name="attainable"
+        )
         self.history = ColumnDataSource(
             {name: [] for name in ("number", "depth", "low", "high", "major")}, name="history"
         )
@@ -79,6 +88,18 @@ class BeaconMap:
 
     def _map(self, tile_address):
         fig, home = map_figure("beacon map", tile_address)
+        shade = fig.image(
+            "image",
+            "x",
+            "y",
+            "dw",
+            "dh",
+            source=self.attainable,
+            palette=Cividis256[::-1],
+            alpha=0.45,
+            level="image",
+        )
+        fig.add_tools(HoverTool(renderers=[shade], tooltips=[("expected error", "@image{0.0} m")]))
         track = fig.line("x", "y", source=self.track, color=SHIP, line_width=1)
         now = fig.scatter("x", "y", source=self.ship, marker="triangle", angle="angle", size=13, color=SHIP)
         points = fig.scatter(
@@ -111,11 +132,35 @@ class BeaconMap:
             text_font_size="11px",
             text_color=ESTIMATE,
         )
+        dotted = {"line_color": ESTIMATE, "line_dash": "dotted", "line_alpha": 0.8}
+        leg = fig.line("x", "y", source=self.leg, line_width=2, **dotted)
+        end = fig.scatter(
+            "x",
+            "y",
+            source=self.leg_end,
+            marker="triangle",
+            size=13,
+            fill_alpha=0.3,
+            color=ESTIMATE,
+            name="leg end",
+        )
+        ahead = fig.line("x", "y", source=self.forecast, **dotted)
+        fig.add_tools(PointDrawTool(renderers=[end], add=False, description="drag the end of the next leg"))
         truth = fig.scatter("x", "y", source=self.truth, marker="diamond", size=14, color=TRUTH)
         legend_entry(fig, "ship", [track, now], marker="triangle", size=10, color=SHIP)
         legend_entry(fig, "ping, by residual", [points], size=6, color=SHIP)
         legend_entry(fig, "fix, 95 % ellipse", [place, ring, dashed, drift], **strong)
         legend_entry(fig, "fits as well", [others, words], fill_alpha=0, **strong)
+        self._leg_entry = legend_entry(
+            fig,
+            "next leg, forecast",
+            [leg, end, ahead, shade],
+            marker="triangle",
+            size=10,
+            color=ESTIMATE,
+            alpha=0.5,
+        )
+        self._leg_entry.visible = False
         self._truth_entry = legend_entry(
             fig, "truth (simulated)", [truth], marker="diamond", size=14, color=TRUTH
         )
@@ -250,6 +295,41 @@ class BeaconMap:
             "x": ax,
             "y": ay,
             "label": [f"also fits: {a.depth_m:.0f} m deep" for a in fix.alternatives],
+        }
+
+    def show_leg(self, fix: BeaconFix, forecast: Forecast | None, move_end: bool = True) -> None:
+        """The leg of a forecast and the ellipse it would leave; None clears both.
+
+        move_end : not while the analyst drags it
+        """
+        self._leg_entry.visible = forecast is not None
+        if forecast is None:
+            for source in (self.leg, self.leg_end, self.forecast):
+                source.data = {"x": [], "y": []}
+            self.attainable.data = {name: [] for name in self.attainable.data}
+            return
+        ends = np.column_stack([[forecast.leg.start, forecast.leg.end], np.zeros(2)])
+        lat, lon, _ = fix.frame.to_geodetic(ends)
+        x, y = mercator(lat, lon)
+        self.leg.data = {"x": x, "y": y}
+        if move_end:
+            self.leg_end.data = {"x": x[1:], "y": y[1:]}
+        place = fix.present.position if fix.position is not None else None
+        drawn = place is not None and forecast.ellipse.semi_major_m < 50_000
+        self.forecast.data = ellipse_ring(fix, place, forecast.ellipse) if drawn else {"x": [], "y": []}
+
+    def shade(self, fix: BeaconFix, east: np.ndarray, north: np.ndarray, error: np.ndarray) -> None:
+        """Expected error [m] after a leg to each place of a grid, darker where it is less."""
+        corners = np.array([[east[0], north[0], 0.0], [east[-1], north[-1], 0.0]])
+        lat, lon, _ = fix.frame.to_geodetic(corners)
+        (left, right), (bottom, top) = mercator(lat, lon)
+        dx, dy = (right - left) / (len(east) - 1), (top - bottom) / (len(north) - 1)
+        self.attainable.data = {
+            "image": [error.astype("f4")],
+            "x": [left - dx / 2],
+            "y": [bottom - dy / 2],
+            "dw": [right - left + dx],
+            "dh": [top - bottom + dy],
         }
 
     def add_history(self, fix: BeaconFix) -> None:

@@ -15,6 +15,12 @@ def mercator(lat_deg, lon_deg) -> tuple[np.ndarray, np.ndarray]:
     return EARTH_RADIUS_M * lon, EARTH_RADIUS_M * np.arctanh(np.sin(lat))
 
 
+def from_mercator(x, y) -> tuple[np.ndarray, np.ndarray]:
+    """Latitudes and longitudes [degrees] of web mercator x, y [m]."""
+    lat = np.arcsin(np.tanh(np.asarray(y, float) / EARTH_RADIUS_M))
+    return np.degrees(lat), np.degrees(np.asarray(x, float) / EARTH_RADIUS_M)
+
+
 # Untouched, the home box fills the frame; once zoomed, a resize keeps scale and centre.
 _EQUAL_SCALE = """
 const W = fig.inner_width, H = fig.inner_height;

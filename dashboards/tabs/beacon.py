@@ -6,7 +6,7 @@ import html
 import io
 import json
 import tempfile
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +16,25 @@ import panel_material_ui as pmui
 from dashboards.guard import tile_address
 from dashboards.keys import Copy
 from dashboards.pictures.beacon_map import BeaconMap
+from dashboards.pictures.mercator import from_mercator
 from dashboards.session import SPEEDS
 from dashboards.tabs.tab import Tab, alone, choice, heading, number
 from trackerlib.beacon.fix import fix_history
 from trackerlib.beacon.motion import MOTIONS
+from trackerlib.beacon.planning import (
+    FASTEST_MPS,
+    ErrorBudget,
+    Leg,
+    accuracy_map,
+    error_budget,
+    forecast_leg,
+    plan_next_leg,
+    surveys_so_far,
+)
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import METHODS, FixSettings
 from trackerlib.commands.fix import document
+from trackerlib.commands.plan import route_text
 from trackerlib.exports.export import LAYOUTS, export_fix
 from trackerlib.frames import degrees_minutes, utm
 from trackerlib.rounding import value_with_sigma
@@ -50,6 +62,8 @@ MOTION_NAMES = dict(
     zip(("lies still", "sinks or rises", "drifts level", "moves freely"), MOTIONS, strict=True)
 )
 METHOD_NAMES = dict(zip(("every ping", "the thesis's experiments"), METHODS, strict=True))
+MAP_CELLS = 21  # along each side of the map of attainable accuracy
+MOST_LEGS = 200  # that a plan keeps while the analyst drags
 HISTORY_FIXES = 60  # fixes that "Fix history" spreads over the survey
 
 
@@ -66,6 +80,9 @@ class BeaconTab(Tab):
         self._quiet = False
         self.sentence = pn.pane.HTML(
             sizing_mode="stretch_width", margin=(6, 10), styles={"font-size": "14px"}
+        )
+        self.help_words = pn.pane.HTML(
+            sizing_mode="stretch_width", margin=(0, 10), styles={"font-size": "14px"}, visible=False
         )
         self.numbers = pn.pane.HTML(sizing_mode="stretch_width", margin=(0, 10), styles={"font-size": "13px"})
         self.copies = {
@@ -190,6 +207,24 @@ class BeaconTab(Tab):
             label="Fix history", size="small", variant="outlined", margin=(6, 8)
         )
         self.history_button.on_click(lambda event: self._compute_history())
+        self.budget = number(
+            "Time for the next leg (min)", 30.0, "Candidates sail no longer than this", start=1.0
+        )
+        self.ship_speed = number(
+            "Ship's speed (m/s)",
+            FASTEST_MPS,
+            "At most; above 5 m/s the flow past the hydrophone drowns the beacon",
+        )
+        self.plan_button = pmui.Button(
+            label="What would help?", size="small", variant="outlined", margin=(6, 8)
+        )
+        self.plan_button.on_click(lambda event: self._plan())
+        self.save_route = pmui.FileDownload(
+            label="Save the leg as GPX route", callback=self._route_file, filename="next-leg.gpx", size="small",
+            visible=False, margin=(6, 8),
+        )  # fmt: skip
+        self._surveys, self._plan_shown = [], None
+        self.map.leg_end.on_change("data", lambda name, old, new: self._leg_dragged())
         self.defaults = pmui.Button(label="Defaults", size="small", variant="text", margin=(2, 8))
         self.defaults.on_click(lambda event: self._restore_defaults())
         self._setting_widgets = {
@@ -227,7 +262,7 @@ class BeaconTab(Tab):
             self.gps,
             self.motion,
             self.reject,
-            self.history_button,
+            pn.Row(self.plan_button, self.history_button, margin=0),
         ]
 
     def more(self):
@@ -245,6 +280,10 @@ class BeaconTab(Tab):
             self.experiments,
             self.spacing,
             self.step,
+            heading("Next leg"),
+            self.budget,
+            self.ship_speed,
+            self.save_route,
             heading("Edits"),
             self.leave_out,
             self.restore,
@@ -267,7 +306,11 @@ class BeaconTab(Tab):
 
     def answer(self):
         return pn.Column(
-            self.sentence, self.numbers, pn.FlexBox(*self.copies.values(), margin=(4, 8)), margin=0
+            self.sentence,
+            self.help_words,
+            self.numbers,
+            pn.FlexBox(*self.copies.values(), margin=(4, 8)),
+            margin=0,
         )
 
     def refresh(self, changed):
@@ -284,6 +327,7 @@ class BeaconTab(Tab):
         self._show_controls()
         if session.fix is not None and changed & {"fix", "pings"}:
             self.map.show_fix(session.pings, session.fix)
+            self._clear_plan()
             if session.playing:
                 self.map.add_history(session.fix)
             self._show_answer(session.fix)
@@ -311,7 +355,11 @@ class BeaconTab(Tab):
 
     def _show_answer(self, fix: BeaconFix) -> None:
         self.sentence.object = sentence(fix)
-        self.numbers.object = table(fix)
+        heard = self.session.pings.only(slice(0, len(fix.number)))
+        known = fix.uncertainty is not None and fix.position is not None
+        self.numbers.object = table(
+            fix, error_budget(heard, fix, self.session.fix_settings) if known else None
+        )
         texts = position_texts(fix)
         for name, copy in self.copies.items():
             copy.text = texts.get(name, "")
@@ -353,6 +401,68 @@ class BeaconTab(Tab):
         self.map.pings.selected.indices = []
         self._set(left_out=self.session.fix_settings.left_out | numbers)
         self.session.say(f"{len(numbers)} pings left out by hand; Undo brings them back")
+
+    # -- the next leg --------------------------------------------------------------------------
+
+    def _clear_plan(self) -> None:
+        if self._plan_shown is not None:
+            self._surveys, self._plan_shown = [], None
+            self.map.show_leg(self.session.fix, None)
+            self.help_words.visible = self.save_route.visible = False
+
+    def _plan(self) -> None:
+        session = self.session
+        fix, settings, budget_s = session.fix, session.fix_settings, 60 * self.budget.value
+        if fix is None:
+            session.say("There is no fix to plan from yet")
+            return
+        heard, speed = session.pings.only(slice(0, len(fix.number))), self.ship_speed.value
+
+        def work(progress):
+            try:
+                plan = plan_next_leg(heard, fix, settings, budget_s, speed)
+            except ValueError as error:
+                raise InputError(f"No leg can be planned: {error}") from None
+            surveys = surveys_so_far(heard, fix, settings)
+            progress(0.3, "map")
+            reach = min(budget_s * speed, 3 * abs(plan.best.leg.length_m) + 500)
+            return plan, surveys, accuracy_map(surveys[0], reach, speed, cells=MAP_CELLS)
+
+        def done(found):
+            if session.fix is fix:
+                self._show_plan(*found)
+
+        session.jobs.start("Plan", work, done)
+
+    def _show_plan(self, plan, surveys, shading) -> None:
+        fix = self.session.fix
+        self._surveys, self._plan_shown = surveys, plan
+        self.map.show_leg(fix, plan.best)
+        self.map.shade(fix, *shading)
+        self._tell_plan(plan.words)
+
+    def _tell_plan(self, words: str) -> None:
+        self.help_words.param.update(object=f"<b>What would help:</b> {html.escape(words)}", visible=True)
+        self.save_route.visible = True
+
+    def _leg_dragged(self) -> None:
+        """Forecasts the leg that the analyst drags out."""
+        end, fix = self.map.leg_end.data, self.session.fix
+        if self._plan_shown is None or len(end["x"]) != 1 or len(self.map.leg.data["x"]) != 2:
+            return
+        if abs(end["x"][0] - self.map.leg.data["x"][1]) + abs(end["y"][0] - self.map.leg.data["y"][1]) < 0.5:
+            return
+        lat, lon = from_mercator(end["x"][0], end["y"][0])
+        place = fix.frame.to_local(lat, lon, 0.0)
+        leg = Leg(self._plan_shown.best.leg.start, place[:2], self.ship_speed.value)
+        forecast = forecast_leg(self._surveys, leg)
+        plan = replace(self._plan_shown, forecasts=(forecast, *self._plan_shown.forecasts))
+        self._plan_shown = replace(plan, forecasts=plan.forecasts[:MOST_LEGS])
+        self.map.show_leg(fix, forecast, move_end=False)
+        self._tell_plan(plan.words)
+
+    def _route_file(self) -> io.BytesIO:
+        return io.BytesIO(route_text(self._plan_shown, self.session.fix).encode())
 
     def _compute_history(self) -> None:
         pings, settings = self.session.pings, self.session.fix_settings
@@ -455,7 +565,7 @@ def movement(fix: BeaconFix) -> str:
     return f"It {' and '.join(parts)}."
 
 
-def table(fix: BeaconFix) -> str:
+def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
     """The numbers below the sentence, as HTML."""
     rows = []
     if fix.position is not None:
@@ -468,12 +578,13 @@ def table(fix: BeaconFix) -> str:
         ]
         rows += [(name, text) for name, text in position_texts(fix).items() if name != "everything"]
     if fix.uncertainty is not None:
-        by_speed = abs(fix.uncertainty.by_sound_speed[2] * fix.uncertainty.speed_sigma_mps)
         rows += [
-            ("of the depth's sigma, from sound speed", f"{by_speed:.2g} m"),
             ("rms residual", f"{1e3 * fix.uncertainty.rms_s:.3g} ms"),
             ("residuals that count as one", f"{fix.uncertainty.correlation.length:.1f}"),
         ]
+    if budget is not None:
+        for name, values in asdict(budget).items():
+            rows.append((f"of depth's sigma: {name.replace('_', ' ')}", f"{values[2]:.2g} m"))
     if fix.sound_speed_mps is not None:
         rows.append(("mean sound speed", f"{fix.sound_speed_mps:.1f} m/s"))
     rows.append(("pings used", f"{int(fix.used.sum())} of {len(fix.used)}"))

@@ -229,3 +229,23 @@ def test_the_fix_is_saved_in_the_layout_chosen(tab, layout, suffix):
     tab.layout.value = layout
     assert tab.download.filename.endswith(suffix)
     assert len(tab._export_file().getvalue()) > 1000
+
+
+def test_what_would_help_draws_the_best_leg_and_a_dragged_one_is_forecast(tab):
+    tab._plan()
+    assert "expected error" in tab.help_words.object
+    assert len(tab.map.leg.data["x"]) == 2
+    assert tab.map.attainable.data["image"][0].shape == (21, 21)
+    before = tab.help_words.object
+    x, y = tab.map.leg_end.data["x"][0], tab.map.leg_end.data["y"][0]
+    tab.map.leg_end.data = {"x": [x + 900.0], "y": [y - 700.0]}
+    assert tab.help_words.object != before
+    assert tab.map.leg.data["x"][1] == pytest.approx(x + 900.0, abs=1)
+    assert b"<rte>" in tab._route_file().getvalue()
+
+
+def test_a_new_fix_clears_the_plan(tab):
+    tab._plan()
+    tab.gps.value = "4"
+    assert len(tab.map.leg.data["x"]) == 0
+    assert not tab.help_words.visible
