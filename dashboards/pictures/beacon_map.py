@@ -257,8 +257,13 @@ class BeaconMap:
 
     def _keep_in_sight(self, fix: BeaconFix) -> None:
         """Widens the home box where an answer lies outside it."""
-        x = [*self.fix.data["x"], *self.alternatives.data["x"]]
-        y = [*self.fix.data["y"], *self.alternatives.data["y"]]
+        self._widen(
+            [*self.fix.data["x"], *self.alternatives.data["x"]],
+            [*self.fix.data["y"], *self.alternatives.data["y"]],
+        )
+
+    def _widen(self, x: list, y: list) -> None:
+        """Makes the home box hold these points too, if they are not far out."""
         x0, x1, y0, y1 = self.home.tags
         reach = 5 * max(x1 - x0, y1 - y0)  # a wild first guess must not shrink the survey to a dot
         near = [k for k in range(len(x)) if abs(x[k] - x0) < reach and abs(y[k] - y0) < reach]
@@ -314,6 +319,7 @@ class BeaconMap:
         self.leg.data = {"x": x, "y": y}
         if move_end:
             self.leg_end.data = {"x": x[1:], "y": y[1:]}
+            self._widen(list(x), list(y))
         place = fix.present.position if fix.position is not None else None
         drawn = place is not None and forecast.ellipse.semi_major_m < 50_000
         self.forecast.data = ellipse_ring(fix, place, forecast.ellipse) if drawn else {"x": [], "y": []}

@@ -64,7 +64,7 @@ def test_other_trials_are_not_mixed_into_a_table(tmp_path, capsys):
 
 def test_a_page_has_the_thesis_figures_of_a_sweep(tmp_path, capsys):
     answer = study(capsys, *SMALL, "--out", tmp_path)
-    (page,) = answer["figures"]
+    page, _ = answer["figures"]
     text = ElementTree.tostring(ElementTree.parse(page).getroot(), encoding="unicode")
     assert all(f"4-{number}  " in text for number in range(19, 27))
     assert "SIMULATED" in text

@@ -16,6 +16,7 @@ import pandas as pd
 from trackerlib.commands.montecarlo import use_workers
 from trackerlib.simulation.figures import draw_study
 from trackerlib.simulation.hexagon import METHODS, SCENARIOS
+from trackerlib.simulation.report import write_report
 from trackerlib.simulation.study import (
     COMPONENTS,
     GPS_RMS_M,
@@ -81,6 +82,7 @@ def run(args: argparse.Namespace) -> dict:
     rows = pd.read_csv(path)
     simulated = time.perf_counter() - begin
     figures = draw_study(rows, args.out)
+    written, contours = write_report(rows, args.out, args.seed)
     return {
         "simulated": True,
         "points": len(rows),
@@ -88,7 +90,8 @@ def run(args: argparse.Namespace) -> dict:
         "trials": int(rows.trials.sum()),
         "converged": int(rows.converged.sum()),
         "table": str(path),
-        "figures": [str(figure) for figure in figures],
+        "figures": [str(figure) for figure in [*figures, contours]],
+        "report": str(written),
         "seconds": simulated,
     }
 
@@ -105,7 +108,8 @@ def report(document: dict) -> str:
     return (
         f"SIMULATED: {document['points']} points ({document['resumed']} kept from before), "
         f"{document['converged']} of {document['trials']} fixes converged, {document['seconds']:.1f} s\n"
-        f"table    {document['table']}\nfigures  " + "\n         ".join(document["figures"])
+        f"table    {document['table']}\nreport   {document['report']}\nfigures  "
+        + "\n         ".join(document["figures"])
     )
 
 
