@@ -25,7 +25,7 @@ ATTEMPTS = 7  # two linear starts, the one told, one in each quarter of the box
 PRESSED = 8  # steps in a row against the side of the search box: the answer lies outside
 EXPLAINED = 4.0  # standard errors of chi-square: no further start is tried below this
 LEAST_EXPERIMENTS = {False: (20, 35), True: (30, 45)}  # count, spacing: the thesis's minima still and moving
-BLOCK = 64  # experiments worked on side by side
+BLOCK = 32  # experiments worked on side by side
 ROWS = 17  # of BLOCK numbers: misfits and their 6 slopes, then the 10 rows of measurements
 DATA = 7 * BLOCK
 FAST = {"reassoc", "contract", "arcp", "nsz"}  # NaN and infinity keep their meaning
@@ -203,48 +203,97 @@ def _gather(ship, ranges, epochs, pairs, work):
         row[9] = 1.0 if n < count else 0.0
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _experiments_at(work, theta, moving, gps_variance, range_variance):
-    """Weighted misfits of one block of experiments and their slopes, each experiment's corrections solved for.
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def _rest(x1, y1, z1, x2, y2, z2, difference, gps_variance, range_variance):
+    """Level directions and reciprocal ranges of one experiment whose corrections rest, its misfit and 1 / c.
 
     An experiment's corrections are -lambda V a with g = 0 (2-70); a turns with them, which two rounds settle.
-    Then the misfit lambda sqrt(c) has the slope b / sqrt(c).
+    One reciprocal a round serves both ranges and c.
     """
+    zz1, zz2 = z1 * z1, z2 * z2
+    ax1, ay1, ax2, ay2 = x1, y1, x2, y2
+    ux1 = uy1 = ux2 = uy2 = q1 = q2 = over_c = miss = shift = 0.0
+    for k in range(3):
+        h1, h2 = ax1 * ax1 + ay1 * ay1, ax2 * ax2 + ay2 * ay2
+        s1, s2 = h1 + zz1, h2 + zz2
+        d1, d2 = np.sqrt(s1), np.sqrt(s2)
+        product = d1 * d2
+        square = s1 * s2
+        c = gps_variance * (h1 * s2 + h2 * s1) + 2 * range_variance * square  # times s1 s2
+        one = 1 / (product * c)
+        over = c * one  # 1 / (d1 d2)
+        q1, q2 = d2 * over, d1 * over
+        over_c = square * product * one
+        px1, py1, px2, py2 = ax1 * q1, ay1 * q1, ax2 * q2, ay2 * q2
+        turned = px1 * ux1 + py1 * uy1 + px2 * ux2 + py2 * uy2
+        miss = d1 - d2 - difference + shift * turned
+        ux1, uy1, ux2, uy2 = px1, py1, px2, py2
+        if k < 2:
+            shift = miss * over_c * gps_variance
+            ax1, ay1, ax2, ay2 = x1 - shift * ux1, y1 - shift * uy1, x2 + shift * ux2, y2 + shift * uy2
+    return ux1, uy1, ux2, uy2, z1 * q1, z2 * q2, miss, over_c
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _still_sums(work, theta, gps_variance, range_variance, normal, right):
+    """Adds one block of experiments to D (2-67) and the right side (2-68); its weighted squares."""
     px, py, pz = theta[0], theta[1], theta[2]
-    vx = vy = vz = 0.0
-    if moving:
-        vx, vy, vz = theta[3], theta[4], theta[5]
+    total = rx = ry = rz = nxx = nxy = nyy = nxz = nyz = nzz = 0.0
+    for n in range(BLOCK):
+        at = DATA + n
+        ux1, uy1, ux2, uy2, uz1, uz2, miss, over_c = _rest(
+            work[at] - px, work[at + BLOCK] - py, pz - work[at + 2 * BLOCK],
+            work[at + 4 * BLOCK] - px, work[at + 5 * BLOCK] - py, pz - work[at + 6 * BLOCK],
+            work[at + 8 * BLOCK], gps_variance, range_variance,
+        )  # fmt: skip
+        weight = work[at + 9 * BLOCK] * over_c
+        bx, by, bz = ux2 - ux1, uy2 - uy1, uz1 - uz2
+        total += weight * miss * miss
+        wx, wy, wz = weight * bx, weight * by, weight * bz
+        rx += wx * miss
+        ry += wy * miss
+        rz += wz * miss
+        nxx += wx * bx
+        nxy += wx * by
+        nyy += wy * by
+        nxz += wx * bz
+        nyz += wy * bz
+        nzz += wz * bz
+    right[0] -= rx
+    right[1] -= ry
+    right[2] -= rz
+    normal[0, 0] += nxx
+    normal[1, 0] += nxy
+    normal[1, 1] += nyy
+    normal[2, 0] += nxz
+    normal[2, 1] += nyz
+    normal[2, 2] += nzz
+    return total
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _moving_experiments(work, theta, gps_variance, range_variance):
+    """Weighted misfits of one block of experiments and their slopes by the six unknowns, in rows of `work`."""
+    px, py, pz, vx, vy, vz = theta[0], theta[1], theta[2], theta[3], theta[4], theta[5]
     for n in range(BLOCK):
         at = DATA + n
         t1, t2 = work[at + 3 * BLOCK], work[at + 7 * BLOCK]
-        x1, y1 = work[at] - px - t1 * vx, work[at + BLOCK] - py - t1 * vy
-        x2, y2 = work[at + 4 * BLOCK] - px - t2 * vx, work[at + 5 * BLOCK] - py - t2 * vy
-        z1, z2 = pz + t1 * vz - work[at + 2 * BLOCK], pz + t2 * vz - work[at + 6 * BLOCK]
-        zz1, zz2 = z1 * z1, z2 * z2
-        difference = work[at + 8 * BLOCK]
-        s1, s2 = x1 * x1 + y1 * y1 + zz1, x2 * x2 + y2 * y2 + zz2
-        q1, q2 = 1 / np.sqrt(s1), 1 / np.sqrt(s2)
-        ux1, uy1, ux2, uy2 = x1 * q1, y1 * q1, x2 * q2, y2 * q2
-        c = gps_variance * (ux1 * ux1 + uy1 * uy1 + ux2 * ux2 + uy2 * uy2) + 2 * range_variance
-        lam = (s1 * q1 - s2 * q2 - difference) / c
-        for _ in range(2):
-            shift = lam * gps_variance
-            ax1, ay1, ax2, ay2 = x1 - shift * ux1, y1 - shift * uy1, x2 + shift * ux2, y2 + shift * uy2
-            s1, s2 = ax1 * ax1 + ay1 * ay1 + zz1, ax2 * ax2 + ay2 * ay2 + zz2
-            q1, q2 = 1 / np.sqrt(s1), 1 / np.sqrt(s2)
-            ax1, ay1, ax2, ay2 = ax1 * q1, ay1 * q1, ax2 * q2, ay2 * q2
-            c = gps_variance * (ax1 * ax1 + ay1 * ay1 + ax2 * ax2 + ay2 * ay2) + 2 * range_variance
-            turned = ax1 * ux1 + ay1 * uy1 + ax2 * ux2 + ay2 * uy2
-            lam = (s1 * q1 - s2 * q2 - difference + shift * turned) / c
-            ux1, uy1, ux2, uy2 = ax1, ay1, ax2, ay2
-        root = work[at + 9 * BLOCK] / np.sqrt(c)
-        bx, by, bz = (ux2 - ux1) * root, (uy2 - uy1) * root, (z1 * q1 - z2 * q2) * root
-        work[n] = lam * c * root
-        work[BLOCK + n], work[2 * BLOCK + n], work[3 * BLOCK + n] = bx, by, bz
-        if moving:
-            work[4 * BLOCK + n] = (t2 * ux2 - t1 * ux1) * root
-            work[5 * BLOCK + n] = (t2 * uy2 - t1 * uy1) * root
-            work[6 * BLOCK + n] = (t1 * z1 * q1 - t2 * z2 * q2) * root
+        ux1, uy1, ux2, uy2, uz1, uz2, miss, over_c = _rest(
+            work[at] - px - t1 * vx, work[at + BLOCK] - py - t1 * vy, pz + t1 * vz - work[at + 2 * BLOCK],
+            work[at + 4 * BLOCK] - px - t2 * vx, work[at + 5 * BLOCK] - py - t2 * vy,
+            pz + t2 * vz - work[at + 6 * BLOCK],
+            work[at + 8 * BLOCK], gps_variance, range_variance,
+        )  # fmt: skip
+        root = work[at + 9 * BLOCK] * np.sqrt(over_c)
+        work[n] = miss * root
+        work[BLOCK + n], work[2 * BLOCK + n], work[3 * BLOCK + n] = (
+            (ux2 - ux1) * root,
+            (uy2 - uy1) * root,
+            (uz1 - uz2) * root,
+        )
+        work[4 * BLOCK + n] = (t2 * ux2 - t1 * ux1) * root
+        work[5 * BLOCK + n] = (t2 * uy2 - t1 * uy1) * root
+        work[6 * BLOCK + n] = (t1 * uz1 - t2 * uz2) * root
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -264,7 +313,10 @@ def _normal_equations(theta, work, gps_variance, range_variance, normal, right):
     total = 0.0
     for block in range(len(work)):
         rows = work[block]
-        _experiments_at(rows, theta, unknowns == 6, gps_variance, range_variance)
+        if unknowns == 3:
+            total += _still_sums(rows, theta, gps_variance, range_variance, normal, right)
+            continue
+        _moving_experiments(rows, theta, gps_variance, range_variance)
         total += _dot(rows, 0, 0)
         for i in range(unknowns):
             right[i] -= _dot(rows, (1 + i) * BLOCK, 0)
