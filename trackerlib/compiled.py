@@ -62,6 +62,7 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.beacon.uncertainty",
     "trackerlib.beacon.squared_range",
     "trackerlib.beacon.pairs",
+    "trackerlib.beacon.live",
 )
 
 _warm_ups: list[Callable[[], object]] = []

@@ -37,7 +37,15 @@ def residual_correlation(residual: np.ndarray) -> ResidualCorrelation:
     total = e @ e
     if pings < 8 or total == 0:
         return ResidualCorrelation()
-    rho = np.array([e[: pings - lag] @ e[lag:] for lag in range(pings // 4 + 1)]) / total
+    return correlation_from(
+        np.array([e[: pings - lag] @ e[lag:] for lag in range(pings // 4 + 1)]) / total, pings
+    )
+
+
+def correlation_from(rho: np.ndarray, pings: int) -> ResidualCorrelation:
+    """The same from autocorrelations at lags 0, 1, ... of as many residuals."""
+    if pings < 8 or len(rho) < 2:
+        return ResidualCorrelation()
     if rho[1] < 2.33 / np.sqrt(pings):
         return ResidualCorrelation()
     if len(rho) % 2:

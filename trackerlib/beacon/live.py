@@ -1,0 +1,477 @@
+"""A fix that takes pings one at a time, for a day at ten a second, in the same time each and bounded memory.
+
+    live = LiveFix(frame, FixSettings(gps_rms_m=3))
+    live.add(number, east_north_up, seconds, travel_time_s)
+    live.fix()
+
+The squared range is quadratic in the unknowns, so with instruments and weights as they were when a ping came, all
+that it will ever say is in a dozen weighted sums. They are made afresh from the pings kept whenever their number
+has doubled, with instruments at the fix of that time: the answer is that of all pings at once. Until there is a
+first fix that can be believed, `fix_beacon` is asked, at growing intervals, and its refusals are passed on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from trackerlib.beacon.fix import fix_beacon
+from trackerlib.beacon.minimise import CUT
+from trackerlib.beacon.observability import UNSEEN_SHARE
+from trackerlib.beacon.paths import paths_through
+from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.result import BeaconFix
+from trackerlib.beacon.settings import FixSettings
+from trackerlib.beacon.squared_range import NEIGHBOURS
+from trackerlib.beacon.uncertainty import Uncertainty
+from trackerlib.compiled import compiled, warms
+from trackerlib.frames import LocalFrame
+from trackerlib.residuals import correlation_from
+
+KEPT = 1 << 17  # pings kept, three and a half hours at ten a second; older ones live on in the sums
+FIRST_COUNT, GROWTH = 8, 1.5  # when a first fix is tried
+FARTHEST = 0.2  # of the slant range: how far one ping may move a fix
+LAGS = 128  # of residuals whose correlation is followed
+STEPS = 30
+COLUMNS = 12  # of the sums: see _columns
+EAST, NORTH, UP, TIME, RANGE = range(5)  # columns of a ping
+
+
+class LiveFix:
+    """The fix of one beacon from the pings heard so far.
+
+    frame : local frame of the ship's positions
+    settings : motion still or free; gps_rms_m None counts as the ship's error being part of the time's
+    Raises ValueError for settings that pings one at a time cannot serve.
+    """
+
+    def __init__(
+        self, frame: LocalFrame, settings: FixSettings, time_step_s: float = 0.0, simulated: bool = False
+    ):
+        if settings.motion not in ("still", "free") or settings.method != "all-pings":
+            raise ValueError("a live fix is for every ping and a motion still or free")
+        if settings.emission_known or settings.interval_s is not None:
+            raise ValueError("a live fix is for an unknown emission time and times that are not folded")
+        self.frame, self.settings = frame, settings
+        self.count = 0
+        self.reason: str | None = "no ping yet"
+        self._simulated = simulated
+        self._moving = settings.motion == "free"
+        self._unknowns = 7 if self._moving else 4
+        step_s = time_step_s if settings.sample_interval_ms is None else settings.sample_interval_ms * 1e-3
+        self._time_step_s = step_s
+        self._time_sigma_s = max(step_s / np.sqrt(12), 1e-6)
+        self._paths = paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m)
+        self._rows = np.empty((KEPT, 5))
+        self._numbers = np.empty(KEPT, np.int64)
+        self._travel = np.empty(KEPT)
+        self._theta: np.ndarray | None = None
+        self._next_try = FIRST_COUNT
+        self._next_renewal = 0
+        self._sums = _Sums(self._unknowns)
+        self._absorbed = 0
+        self._scale = 1.0
+        self._first: BeaconFix | None = None
+        self._offset_s, self._speed_mps, self._straight = (
+            0.0,
+            settings.sound_speed_mps,
+            settings.profile is None,
+        )
+
+    # -- pings ---------------------------------------------------------------------------------
+
+    def add(self, number: int, east_north_up, seconds: float, travel_time_s: float) -> None:
+        """Takes one ping: its number, the hydrophone [m], its instant and one-way time with any constant [s].
+
+        What is not finite is counted and left out.
+        """
+        place = np.asarray(east_north_up, float)
+        if not (np.isfinite(place).all() and np.isfinite(seconds) and np.isfinite(travel_time_s)):
+            return
+        k = self.count % KEPT
+        self._rows[k, :3], self._rows[k, TIME] = place, seconds
+        self._travel[k], self._numbers[k] = travel_time_s, number
+        self.count += 1
+        if self._theta is None:
+            if self.count >= self._next_try:
+                self._try_first()
+            return
+        self._rows[k, RANGE] = self._range_of(place, seconds, travel_time_s)
+        self._absorb()
+        if self.count >= self._next_renewal and self.count <= KEPT:
+            self._renew()
+
+    def _try_first(self) -> None:
+        """Asks the batch for a first fix that can be believed."""
+        self._next_try = int(np.ceil(GROWTH * self.count))
+        if self.count > KEPT:
+            return
+        self._first = fix = fix_beacon(self._as_pings(self.count), self.settings)
+        self.reason = fix.reason
+        if not fix.converged:
+            return
+        self._offset_s = fix.emission_offset_s
+        self._speed_mps = fix.sound_speed_mps
+        # The frame of the batch has its origin at the first ping; ours is told.
+        lat, lon, up = fix.frame.to_geodetic(fix.position)
+        place = self.frame.to_local(lat, lon, up)
+        velocity = np.zeros(3) if fix.velocity is None else fix.velocity
+        place = place - self._rows[0, TIME] * velocity
+        self._theta = np.concatenate([place, [0.0], velocity] if self._moving else [place, [0.0]])
+        self._renew()
+
+    def _as_pings(self, count: int) -> Pings:
+        rows = self._rows[:count]
+        lat, lon, up = self.frame.to_geodetic(rows[:, :3])
+        return Pings(
+            number=self._numbers[:count].copy(),
+            lat_deg=lat,
+            lon_deg=lon,
+            up_m=up,
+            travel_time_s=self._travel[:count].copy(),
+            utc=np.full(count, np.datetime64("NaT", "ms")),
+            clock_s=rows[:, TIME].copy(),
+            time_step_s=self._time_step_s,
+            simulated=self._simulated,
+        )
+
+    def _range_of(self, place, seconds, travel_time_s) -> float:
+        """The straight distance that stands for a travel time: along rays, near the present fix."""
+        if self._straight:
+            return self._speed_mps * (travel_time_s - self._offset_s)
+        beacon = self._theta[:3] + (seconds * self._theta[4:] if self._moving else 0.0)
+        time = self._paths.times(beacon[None], place[None])[0][0, 0]
+        distance = np.linalg.norm(beacon - place)
+        return float(distance + distance / time * (travel_time_s - self._offset_s - time))
+
+    def _renew(self) -> None:
+        """Makes the sums afresh from the pings kept, with instruments at the present fix."""
+        for _ in range(3):
+            if self._theta is None:
+                return
+            self._all_ranges()
+            self._sums = _Sums(self._unknowns)
+            self._absorbed = 0
+            self._absorb()
+        self._next_renewal = 2 * self.count
+
+    def _all_ranges(self) -> None:
+        rows, travel = self._rows[: self.count], self._travel[: self.count]
+        self._offset_s += self._theta[3] / self._speed_mps
+        self._theta[3] = 0.0
+        if self._straight:
+            rows[:, RANGE] = self._speed_mps * (travel - self._offset_s)
+            return
+        beacon = self._theta[:3] + (
+            rows[:, TIME, None] * self._theta[4:] if self._moving else np.zeros((len(rows), 3))
+        )
+        time = self._paths.times(beacon[None], rows[:, :3])[0][0]
+        distance = np.linalg.norm(beacon - rows[:, :3], axis=1)
+        rows[:, RANGE] = distance + distance / time * (travel - self._offset_s - time)
+
+    def _absorb(self) -> None:
+        """Adds to the sums every ping whose neighbours on both sides have come, and solves them."""
+        ready = self.count - NEIGHBOURS
+        if ready > self._absorbed:
+            gps, time = self._variances()
+            self._absorbed = _absorb(
+                self._rows, self._absorbed, ready, self.count, self._theta, gps, time, CUT, self._scale,
+                *self._sums.arrays,
+            )  # fmt: skip
+        self._solve()
+
+    def _variances(self) -> tuple[float, float]:
+        """Variances [m^2] of a ship position (each axis) and of a range, before scaling to the residuals."""
+        return (self.settings.gps_rms_m or 0.0) ** 2, (self._speed_mps * self._time_sigma_s) ** 2
+
+    def _solve(self) -> None:
+        theta = self._theta.copy()
+        solved = _solve_sums(self._sums.moments, theta) and theta[2] < self._rows[0, UP]
+        reach = FARTHEST * np.linalg.norm(self._theta[:3] - self._rows[(self.count - 1) % KEPT, :3])
+        if solved and np.linalg.norm(theta[:3] - self._theta[:3]) < reach:
+            self._theta = theta
+        elif self.count <= KEPT:  # no root near by: a fix that was believed too early
+            self._theta, self.reason = None, "the pings that followed moved the first fix too far; sail on"
+            self._next_try = int(np.ceil(GROWTH * self.count))
+            return
+        used = self._sums.tally[0]
+        if used > self._unknowns + 3:
+            self._scale = max(float(np.sqrt(self._sums.tally[1] / (used - self._unknowns))), 1e-3)
+
+    # -- the answer ----------------------------------------------------------------------------
+
+    def fix(self) -> BeaconFix:
+        """The fix of all pings so far, or the reason why there is none."""
+        kept = min(self.count, KEPT)
+        if self._theta is None:
+            if self._first is not None and not self._first.converged:
+                return self._first
+            blank = fix_beacon(self._as_pings(kept), self.settings)
+            return replace(
+                blank, reason=f"{self.count} pings; {blank.reason or 'not yet tried'}", converged=False
+            )
+        theta, sums = self._theta.copy(), self._sums.copy()
+        gps, time = self._variances()
+        _absorb(  # the last pings, whose neighbours after them have not come yet
+            self._rows,
+            self._absorbed,
+            self.count,
+            self.count,
+            theta,
+            gps,
+            time,
+            CUT,
+            self._scale,
+            *sums.arrays,
+        )
+        solved = _solve_sums(sums.moments, theta)
+        uncertainty = self._uncertainty(theta, sums)
+        order = np.arange(self.count - kept, self.count) % KEPT
+        rows = self._rows[order]
+        place = theta[:3] + (rows[:, TIME, None] * theta[4:] if self._moving else 0.0)
+        residual = (rows[:, RANGE] - theta[3] - np.linalg.norm(place - rows[:, :3], axis=1)) / self._speed_mps
+        began = float(rows[0, TIME])
+        position = theta[:3] + (began * theta[4:] if self._moving else 0.0)
+        lat, lon, up = self.frame.to_geodetic(position)
+        fix = BeaconFix(
+            converged=True,
+            reason=None,
+            frame=self.frame,
+            ship=rows[:, :3],
+            number=self._numbers[order],
+            used=np.abs(residual)
+            < CUT * max(float(np.median(np.abs(residual))) * 1.4826, self._time_sigma_s),
+            position=position,
+            velocity=theta[4:] if self._moving else None,
+            elapsed_s=rows[:, TIME] - began,
+            lat_deg=float(lat),
+            lon_deg=float(lon),
+            depth_m=-float(up),
+            residual_s=residual,
+            uncertainty=uncertainty,
+            emission_offset_s=self._offset_s + theta[3] / self._speed_mps,
+            sound_speed_mps=self._speed_mps,
+            simulated=self._simulated,
+        )
+        slant_range = float(np.median(np.linalg.norm(place - rows[:, :3], axis=1)))
+        if not solved or uncertainty is None:
+            return replace(
+                fix, converged=False, reason="the pings so far do not determine the place; sail on, and turn"
+            )
+        widest = np.sqrt(np.linalg.eigvalsh(fix.present.covariance)[-1])
+        if widest > UNSEEN_SHARE * slant_range:
+            why = f"the beacon can move by {widest:.0f} m one way within the noise; sail further, on another bearing"
+            return replace(fix, converged=False, reason=why)
+        return fix
+
+    def _uncertainty(self, theta: np.ndarray, sums: _Sums) -> Uncertainty | None:
+        own = np.empty((self._unknowns, self._unknowns))
+        _score(sums.moments, theta, own)
+        used, squares = sums.tally[:2]
+        correlation = correlation_from(sums.autocorrelation(), int(used))
+        freedom = used / correlation.variance_length - self._unknowns
+        if freedom < 1 or not np.isfinite(own).all():
+            return None
+        scale = np.sqrt(np.abs(np.diag(own)))
+        inverse = np.linalg.pinv(own / np.outer(scale, scale)) / np.outer(scale, scale)
+        variance = squares / (used - self._unknowns) * correlation.length
+        widened = (stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975)) ** 2
+        noise = variance * widened * inverse @ sums.spread @ inverse.T
+        # The range less c0 scales with the speed of sound; the answer moves to undo it.
+        c0, moments = theta[3], sums.moments
+        by_speed = (
+            inverse
+            @ (2 * (moments[:, 11] - 2 * c0 * moments[:, 7] + c0**2 * moments[:, 8]))
+            / self._speed_mps
+        )
+        covariance = noise + self.settings.speed_sigma_mps**2 * np.outer(by_speed, by_speed)
+        keep = [0, 1, 2, 4, 5, 6] if self._moving else [0, 1, 2]
+        matrix = np.eye(len(keep))
+        if self._moving:
+            matrix[:3, 3:] = float(self._rows[(self.count - min(self.count, KEPT)) % KEPT, TIME]) * np.eye(3)
+        grid = np.ix_(keep, keep)
+        return Uncertainty(
+            covariance=covariance[grid],
+            noise_covariance=noise[grid],
+            by_sound_speed=by_speed[keep],
+            speed_sigma_mps=self.settings.speed_sigma_mps,
+            rms_s=float(np.sqrt(sums.tally[2] / max(used, 1))) / self._speed_mps,
+            correlation=correlation,
+            degrees_of_freedom=float(freedom),
+        ).turned(matrix)
+
+
+class _Sums:
+    """All that the pings absorbed so far have to say."""
+
+    def __init__(self, unknowns: int):
+        self.moments = np.zeros((unknowns, COLUMNS))
+        self.spread = np.zeros((unknowns, unknowns))
+        self.tally = np.zeros(3)  # pings used, weighted squares, squares of range residuals [m^2]
+        self.products = np.zeros(LAGS + 1)  # of whitened residuals, by lag
+        self.recent = np.zeros(LAGS + 1)  # the last of them, newest at `tally[0] % (LAGS + 1)`
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        return self.moments, self.spread, self.tally, self.products, self.recent
+
+    def copy(self) -> _Sums:
+        other = _Sums(len(self.spread))
+        for mine, theirs in zip(self.arrays, other.arrays, strict=True):
+            theirs[:] = mine
+        return other
+
+    def autocorrelation(self) -> np.ndarray:
+        """Autocorrelation of the residuals at lags 0, 1, ..., as far as a quarter of the series."""
+        lags = min(int(self.tally[0]) // 4, LAGS) + 1
+        return self.products[:lags] / max(self.products[0], 1e-300)
+
+
+@compiled
+def _absorb(
+    rows,
+    first,
+    last,
+    count,
+    theta,
+    gps_variance,
+    range_variance,
+    cut,
+    scale,
+    moments,
+    spread,
+    tally,
+    products,
+    recent,
+):
+    """Adds pings first to last (their running numbers) to the sums; `last`."""
+    unknowns, kept = len(theta), len(rows)
+    instrument = np.empty(unknowns)
+    column = np.empty(COLUMNS)
+    oldest = max(count - kept, 0)
+    lags = len(products)
+    for k in range(first, last):
+        row = rows[k % kept]
+        t = row[TIME]
+        n = 0
+        st = stt = sx = sy = stx = sty = 0.0
+        for j in range(max(k - NEIGHBOURS, oldest), min(k + NEIGHBOURS, count - 1) + 1):
+            if j == k:
+                continue
+            other = rows[j % kept]
+            lag = other[TIME] - t
+            n += 1
+            st += lag
+            stt += lag * lag
+            sx += other[EAST]
+            sy += other[NORTH]
+            stx += lag * other[EAST]
+            sty += lag * other[NORTH]
+        bottom = n * stt - st * st
+        if bottom > 0:
+            ix, iy = (stt * sx - st * stx) / bottom - theta[0], (stt * sy - st * sty) / bottom - theta[1]
+        else:
+            ix, iy = sx / max(n, 1) - theta[0], sy / max(n, 1) - theta[1]
+        dx, dy, z = row[EAST] - theta[0], row[NORTH] - theta[1], theta[2] - row[UP]
+        if unknowns > 4:
+            ix, iy = ix - t * theta[4], iy - t * theta[5]
+            dx, dy, z = dx - t * theta[4], dy - t * theta[5], z + t * theta[6]
+        gps, rng = gps_variance * scale * scale, range_variance * scale * scale
+        s = row[RANGE] - theta[3]
+        q = dx * dx + dy * dy - 2 * gps + z * z - s * s + rng
+        h2 = ix * ix + iy * iy
+        s2 = h2 + z * z
+        w = 1 / (
+            4 * h2 * gps_variance
+            + 4 * gps_variance * gps
+            + 4 * s2 * range_variance
+            + 2 * range_variance * rng
+        )
+        whitened = q * np.sqrt(w)
+        if abs(whitened) > cut * scale and tally[0] > 3 * unknowns:
+            continue
+        instrument[0], instrument[1], instrument[2], instrument[3] = -2 * ix, -2 * iy, 2 * z, 2 * np.sqrt(s2)
+        for i in range(4, unknowns):
+            instrument[i] = t * instrument[i - 4]
+        x, y, up, r = row[EAST], row[NORTH], row[UP], row[RANGE]
+        column[0] = x * x + y * y + up * up - r * r - 2 * gps + rng
+        column[1], column[2], column[3] = x, y, up
+        column[4], column[5], column[6] = t * x, t * y, t * up
+        column[7], column[8], column[9], column[10], column[11] = r, 1.0, t, t * t, r * r
+        for i in range(unknowns):
+            for j in range(COLUMNS):
+                moments[i, j] += w * instrument[i] * column[j]
+            for j in range(unknowns):
+                spread[i, j] += w * instrument[i] * instrument[j]
+        used = int(tally[0])
+        recent[used % lags] = whitened
+        for lag in range(min(used, lags - 1) + 1):
+            products[lag] += whitened * recent[(used - lag) % lags]
+        tally[0] += 1
+        tally[1] += whitened * whitened
+        tally[2] += q * q / (4 * s2)
+    return last
+
+
+@compiled
+def _score(moments, theta, own):
+    """Score (P,) of the sums at theta; fills its matrix `own` (P, P)."""
+    unknowns = len(theta)
+    px, py, pz, c0 = theta[0], theta[1], theta[2], theta[3]
+    vx = vy = vz = 0.0
+    if unknowns > 4:
+        vx, vy, vz = theta[4], theta[5], theta[6]
+    score = np.empty(unknowns)
+    for i in range(unknowns):
+        m = moments[i]
+        score[i] = (
+            m[0]
+            - 2 * (m[1] * px + m[2] * py + m[3] * pz)
+            - 2 * (m[4] * vx + m[5] * vy + m[6] * vz)
+            + 2 * m[7] * c0
+            + m[8] * (px * px + py * py + pz * pz - c0 * c0)
+            + 2 * m[9] * (px * vx + py * vy + pz * vz)
+            + m[10] * (vx * vx + vy * vy + vz * vz)
+        )
+        own[i, 0] = -2 * m[1] + 2 * m[8] * px + 2 * m[9] * vx
+        own[i, 1] = -2 * m[2] + 2 * m[8] * py + 2 * m[9] * vy
+        own[i, 2] = -2 * m[3] + 2 * m[8] * pz + 2 * m[9] * vz
+        own[i, 3] = 2 * m[7] - 2 * m[8] * c0
+        if unknowns > 4:
+            own[i, 4] = -2 * m[4] + 2 * m[9] * px + 2 * m[10] * vx
+            own[i, 5] = -2 * m[5] + 2 * m[9] * py + 2 * m[10] * vy
+            own[i, 6] = -2 * m[6] + 2 * m[9] * pz + 2 * m[10] * vz
+    return score
+
+
+@compiled
+def _solve_sums(moments, theta):
+    """Newton's steps to where the score of the sums is zero, in place; whether they came to rest."""
+    unknowns = len(theta)
+    own = np.empty((unknowns, unknowns))
+    for _ in range(STEPS):
+        score = _score(moments, theta, own)
+        scale = np.sqrt(np.abs(np.diag(own)))
+        if not np.all(scale > 0) or not np.all(np.isfinite(own)):
+            return False
+        scaled = own / scale.reshape(-1, 1) / scale.reshape(1, -1)
+        if abs(np.linalg.det(scaled)) < 1e-30:
+            return False
+        step = np.linalg.solve(scaled, -score / scale) / scale
+        theta += step
+        if np.max(np.abs(step)) < 1e-6:
+            return True
+    return False
+
+
+@warms
+def _warm() -> None:
+    for unknowns in (4, 7):
+        theta = np.zeros(unknowns)
+        theta[2] = -100.0
+        sums = _Sums(unknowns)
+        rows = np.random.default_rng(1).normal(size=(40, 5))
+        _absorb(rows, 0, 30, 40, theta, 1.0, 1.0, CUT, 1.0, *sums.arrays)
+        _solve_sums(sums.moments, theta)
