@@ -108,27 +108,32 @@ def _smooth(ship, epochs, neighbours):
     """Ship's places (N, 2) on a straight line through each ping's neighbours, the ping itself left out."""
     count = len(ship)
     smooth = np.empty((count, 2))
+    middle = epochs[count // 2]
+    x0, y0 = ship[count // 2, 0], ship[count // 2, 1]  # sums about the middle lose no digits
+    n = first = 0
+    st = stt = sx = sy = stx = sty = 0.0
+    last = -1
     for k in range(count):
-        first, last = max(k - neighbours, 0), min(k + neighbours, count - 1)
-        n = 0
-        st = stt = sx = sy = stx = sty = 0.0
-        for j in range(first, last + 1):
-            if j == k:
-                continue
-            t = epochs[j] - epochs[k]
+        while last < min(k + neighbours, count - 1):
+            last += 1
+            t, x, y = epochs[last] - middle, ship[last, 0] - x0, ship[last, 1] - y0
             n += 1
-            st += t
-            stt += t * t
-            sx += ship[j, 0]
-            sy += ship[j, 1]
-            stx += t * ship[j, 0]
-            sty += t * ship[j, 1]
-        spread = n * stt - st * st
-        if n > 1 and spread > 0:
-            smooth[k, 0] = (stt * sx - st * stx) / spread
-            smooth[k, 1] = (stt * sy - st * sty) / spread
+            st, stt, sx, sy, stx, sty = st + t, stt + t * t, sx + x, sy + y, stx + t * x, sty + t * y
+        while first < k - neighbours:
+            t, x, y = epochs[first] - middle, ship[first, 0] - x0, ship[first, 1] - y0
+            n -= 1
+            st, stt, sx, sy, stx, sty = st - t, stt - t * t, sx - x, sy - y, stx - t * x, sty - t * y
+            first += 1
+        t, x, y = epochs[k] - middle, ship[k, 0] - x0, ship[k, 1] - y0
+        others = n - 1
+        t1, tt = st - t, stt - t * t
+        x1, y1, tx, ty = sx - x, sy - y, stx - t * x, sty - t * y
+        spread = others * tt - t1 * t1
+        if others > 1 and spread > 1e-9 * others * (tt + 1e-9):
+            smooth[k, 0] = (x1 * (tt - t * t1) + tx * (others * t - t1)) / spread + x0
+            smooth[k, 1] = (y1 * (tt - t * t1) + ty * (others * t - t1)) / spread + y0
         else:
-            smooth[k, 0], smooth[k, 1] = sx / n, sy / n
+            smooth[k, 0], smooth[k, 1] = x1 / max(others, 1) + x0, y1 / max(others, 1) + y0
     return smooth
 
 
