@@ -12,6 +12,7 @@ import numpy as np
 
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.motion import MOTIONS
+from trackerlib.beacon.navigation import PositionLimits, pings_of_stream, ship_at_receptions
 from trackerlib.beacon.pairs import LEAST_EXPERIMENTS
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.planning import error_budget
@@ -21,8 +22,9 @@ from trackerlib.beacon.uncertainty import ellipse95
 from trackerlib.exports.export import SUFFIXES, export_fix
 from trackerlib.rounding import value_with_sigma
 from trackerlib.surveyfiles.profile_csv import read_profile_csv
+from trackerlib.surveyfiles.stream_csv import read_arrivals, read_navigation
 from trackerlib.surveyfiles.survey import LAYOUTS, read_survey
-from trackerlib.textfiles import InputError
+from trackerlib.textfiles import InputError, read_lines
 
 MOST_NAMED = 40  # pings that a report lists by number
 SUMMARY = "fix a beacon from a survey file"
@@ -68,6 +70,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--max-depth-m", type=float, default=defaults.max_depth_m, metavar="D")
     add("--hydrophone-depth-m", type=float, default=0.0, metavar="H", help="where the file does not say")
     add(
+        "--navigation",
+        type=Path,
+        metavar="FILE",
+        help="csv time_s, lat_deg, lon_deg, hdop, heading_deg; PINGS then "
+        "has arrival_s by the same clock, and --interval-s is needed",
+    )
+    add(
+        "--greatest-hdop", type=float, default=10.0, metavar="H", help="positions of this or more are refused"
+    )
+    add(
+        "--greatest-age-s",
+        type=float,
+        default=2.0,
+        metavar="A",
+        help="from a position to an arrival, either side",
+    )
+    add(
+        "--antenna-offset-m",
+        type=_offset,
+        default=(0.0, 0.0, 0.0),
+        metavar="F,S,D",
+        help="from antenna to hydrophone: forward, starboard, down",
+    )
+    add(
         "--export",
         type=Path,
         action="append",
@@ -81,6 +107,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def read(args: argparse.Namespace) -> tuple[Pings, FixSettings]:
     """The survey and the settings that the options of `fix` tell; raises InputError."""
+    if args.navigation is not None:
+        return _from_stream(args), _settings(args)
     reading = read_survey(
         args.pings,
         layout=args.format,
@@ -92,6 +120,35 @@ def read(args: argparse.Namespace) -> tuple[Pings, FixSettings]:
         print(f"{args.pings.name}, line {record.line}: {record.why}", file=sys.stderr)
     for note in reading.notes:
         print(f"{args.pings.name}: {note}", file=sys.stderr)
+    return reading.pings, _settings(args)
+
+
+def _from_stream(args: argparse.Namespace) -> Pings:
+    """Pings of arrivals and a navigation stream; what was refused is counted on standard error."""
+    if args.interval_s is None:
+        raise InputError("fix: --navigation needs --interval-s, the interval of the pinger")
+    arrivals = read_arrivals(read_lines(args.pings), args.pings.name)
+    fixes, bad = read_navigation(read_lines(args.navigation), args.navigation.name)
+    for path, records in ((args.pings, arrivals.bad_records), (args.navigation, bad)):
+        for record in records:
+            print(f"{path.name}, line {record.line}: {record.why}", file=sys.stderr)
+    try:
+        limits = PositionLimits(args.greatest_hdop, args.greatest_age_s)
+    except ValueError as error:
+        raise InputError(f"fix: {error}") from None
+    ship = ship_at_receptions(fixes, arrivals.arrival_s, limits, args.antenna_offset_m)
+    for what, counts in (("positions", ship.fixes_refused), ("arrivals", ship.refused)):
+        for why, count in counts:
+            print(f"{count} {what} refused: {why}", file=sys.stderr)
+    if any(args.antenna_offset_m):
+        for how, count in ship.turned:
+            print(f"{count} arrivals: antenna offset turned by {how}", file=sys.stderr)
+    return pings_of_stream(
+        ship, arrivals.number, args.hydrophone_depth_m, args.pings.name, arrivals.simulated
+    )
+
+
+def _settings(args: argparse.Namespace) -> FixSettings:
     try:
         settings = FixSettings(
             sound_speed_mps=args.sound_speed_mps,
@@ -124,7 +181,7 @@ def read(args: argparse.Namespace) -> tuple[Pings, FixSettings]:
                 f"fewer than the {count} experiments at spacing {spacing} that the thesis asks for",
                 file=sys.stderr,
             )
-    return reading.pings, settings
+    return settings
 
 
 def run(args: argparse.Namespace) -> dict:
@@ -314,6 +371,14 @@ def report(answer: dict) -> str:
     rejected = (", ".join(map(str, named)) or "none") + (f" and {more} more" if more > 0 else "")
     lines.append(f"pings     {answer['used']} of {answer['pings']} used; left out: {rejected}")
     return "\n".join(lines)
+
+
+def _offset(text: str) -> tuple[float, float, float]:
+    try:
+        forward, starboard, down = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"found {text!r}; wanted FORWARD,STARBOARD,DOWN in metres") from None
+    return forward, starboard, down
 
 
 def _place(text: str) -> tuple[float, float, float]:
