@@ -19,6 +19,7 @@ from dashboards.pictures.beacon_map import BeaconMap
 from dashboards.pictures.mercator import from_mercator
 from dashboards.session import SPEEDS
 from dashboards.tabs.tab import Tab, alone, choice, heading, number
+from trackerlib.beacon.choice import compare_models, usual_models
 from trackerlib.beacon.fix import fix_history
 from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.planning import (
@@ -207,6 +208,13 @@ class BeaconTab(Tab):
             label="Fix history", size="small", variant="outlined", margin=(6, 8)
         )
         self.history_button.on_click(lambda event: self._compute_history())
+        self.compare_button = pmui.Button(
+            label="Compare models", size="small", variant="outlined", margin=(6, 8)
+        )
+        self.compare_button.on_click(lambda event: self._compare())
+        self.models = pn.pane.HTML(
+            sizing_mode="stretch_width", margin=(4, 10), styles={"font-size": "13px"}, visible=False
+        )
         self.budget = number(
             "Time for the next leg (min)", 30.0, "Candidates sail no longer than this", start=1.0
         )
@@ -280,6 +288,7 @@ class BeaconTab(Tab):
             self.experiments,
             self.spacing,
             self.step,
+            self.compare_button,
             heading("Next leg"),
             self.budget,
             self.ship_speed,
@@ -308,6 +317,7 @@ class BeaconTab(Tab):
         return pn.Column(
             self.sentence,
             self.help_words,
+            self.models,
             self.numbers,
             pn.FlexBox(*self.copies.values(), margin=(4, 8)),
             margin=0,
@@ -402,6 +412,22 @@ class BeaconTab(Tab):
         self._set(left_out=self.session.fix_settings.left_out | numbers)
         self.session.say(f"{len(numbers)} pings left out by hand; Undo brings them back")
 
+    # -- models --------------------------------------------------------------------------------
+
+    def _compare(self) -> None:
+        session = self.session
+        if session.pings is None or session.heard == 0:
+            session.say("There are no pings to compare models on yet")
+            return
+        heard, settings = session.pings.only(slice(0, session.heard)), session.fix_settings
+
+        def show(scores) -> None:
+            self.models.param.update(object=models_table(scores), visible=True)
+
+        session.jobs.start(
+            "Compare models", lambda progress: compare_models(heard, usual_models(settings)), show
+        )
+
     # -- the next leg --------------------------------------------------------------------------
 
     def _clear_plan(self) -> None:
@@ -409,6 +435,7 @@ class BeaconTab(Tab):
             self._surveys, self._plan_shown = [], None
             self.map.show_leg(self.session.fix, None)
             self.help_words.visible = self.save_route.visible = False
+        self.models.visible = False
 
     def _plan(self) -> None:
         session = self.session
@@ -596,6 +623,20 @@ def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
         for name, text in rows
     )
     return f"<table>{cells}</table>"
+
+
+def models_table(scores) -> str:
+    """Models side by side, the best first, as an HTML table."""
+    cells = "".join(
+        f"<tr><td style='padding:1px 10px 1px 0'>{html.escape(score.name)}</td>"
+        f"<td style='padding:1px 10px 1px 0'>{'no place' if np.isinf(score.aicc) else f'{score.aicc:.1f}'}</td>"
+        f"<td>{'' if np.isnan(score.held_out_s) else f'{1e3 * score.held_out_s:.3g} ms'}</td></tr>"
+        for score in scores
+    )
+    return (
+        "<table><tr style='opacity:.75;text-align:left'><td>the beacon</td><td>AICc above best</td>"
+        f"<td>held-out pings</td></tr>{cells}</table>"
+    )
 
 
 def position_texts(fix: BeaconFix) -> dict[str, str]:

@@ -249,3 +249,10 @@ def test_a_new_fix_clears_the_plan(tab):
     tab.gps.value = "4"
     assert len(tab.map.leg.data["x"]) == 0
     assert not tab.help_words.visible
+
+
+def test_models_are_compared_side_by_side(tab):
+    tab._compare()
+    assert tab.models.visible
+    assert "moves freely" in tab.models.object
+    assert tab.models.object.index("lies still") < tab.models.object.index("moves freely")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trackerlib.beacon.choice import compare_models, usual_models
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.navigation import PositionLimits, pings_of_stream, ship_at_receptions
@@ -101,6 +102,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help=f"also write {', '.join(SUFFIXES)}",
     )
+    add("--compare", action="store_true", help="also score the motions and speeds of sound to choose from")
     add("--gpx-version", choices=("1.1", "1.0"), default="1.1", help="of an exported .gpx")
     add("--reject", choices=("auto", "none"), default="auto", help="leave out false returns, or nothing")
 
@@ -192,6 +194,18 @@ def run(args: argparse.Namespace) -> dict:
         layout = f"gpx-{args.gpx_version}" if path.suffix.lower() == ".gpx" else None
         export_fix(fix, path, layout, pings=pings, settings=settings)
     answer = document(fix)
+    if args.compare:
+        answer["models"] = [
+            {
+                "name": score.name,
+                "motion": score.settings.motion,
+                "parameters": score.parameters,
+                "converged": score.fix.converged,
+                "aicc_above_best": score.aicc,
+                "held_out_ms": 1e3 * score.held_out_s,
+            }
+            for score in compare_models(pings, usual_models(settings))
+        ]
     if fix.uncertainty is not None and fix.position is not None:
         budget = error_budget(pings, fix, settings)
         answer["error_budget_m"] = {name: list(values) for name, values in asdict(budget).items()}
@@ -363,6 +377,11 @@ def report(answer: dict) -> str:
     if answer.get("along_track_m") is not None:
         lines.append(f"along track {answer['along_track_m']:.0f} m from the first ping")
         lines.append(f"closest slant range {answer['closest_slant_range_m']:.0f} m")
+    lines += [
+        f"model     {m['name']}: AICc {m['aicc_above_best']:.1f} above the best, "
+        f"held-out pings {m['held_out_ms']:.3g} ms"
+        for m in answer.get("models", [])
+    ]
     lines += [
         f"fits as well: {a['lat_deg']:.6f}, {a['lon_deg']:.6f}, depth {a['depth_m']:.0f} m"
         for a in answer["alternatives"]

@@ -1,0 +1,117 @@
+"""Which picture of the beacon and the water the pings support: information criteria and pings held out.
+
+for score in compare_models(pings, usual_models(settings)):
+    print(score.name, score.aicc, score.held_out_s)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trackerlib.beacon.fix import fix_beacon
+from trackerlib.beacon.minimise import CUT
+from trackerlib.beacon.motion import FREE_DIRECTIONS
+from trackerlib.beacon.paths import paths_through
+from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.result import BeaconFix
+from trackerlib.beacon.settings import FixSettings
+
+FOLDS = 5
+BLOCKS = 20  # stretches of the survey that are held out together, dealt to the folds in turn
+
+
+@dataclass(frozen=True, eq=False)
+class ModelScore:
+    """How well one model serves."""
+
+    name: str
+    settings: FixSettings
+    fix: BeaconFix
+    parameters: int
+    aicc: float  # above that of the best model; infinite if it gives no place
+    held_out_s: float  # root-mean-square misfit [s] of pings that the fit had not seen
+
+
+def usual_models(settings: FixSettings) -> dict[str, FixSettings]:
+    """The motions to choose from, and the speed of sound without its profile if there is one."""
+    models = {
+        "lies still": replace(settings, motion="still"),
+        "sinks or rises": replace(settings, motion="vertical", method="all-pings"),
+        "drifts level": replace(settings, motion="horizontal", method="all-pings"),
+        "moves freely": replace(settings, motion="free"),
+    }
+    if settings.profile is not None:
+        models["lies still, one speed of sound"] = replace(settings, motion="still", profile=None)
+    return models
+
+
+def compare_models(pings: Pings, models: dict[str, FixSettings]) -> tuple[ModelScore, ...]:
+    """Scores of models, the best by AICc first.
+
+    AICc counts pings by how many of them are independent. All models are scored on the pings that are no false
+    return in the model that leaves out fewest, so that none gains by leaving out more.
+    """
+    fixes = {name: fix_beacon(pings, settings) for name, settings in models.items()}
+    placed = [fix for fix in fixes.values() if fix.residual_s is not None and fix.position is not None]
+    if not placed:
+        return tuple(
+            ModelScore(name, models[name], fix, _parameters(models[name]), np.inf, np.nan)
+            for name, fix in fixes.items()
+        )
+    common = max((fix.used for fix in placed), key=np.sum)
+    # The least correlated residuals: what a wrong model leaves is correlated because it is wrong.
+    length = min(
+        (fix.uncertainty.correlation.length for fix in placed if fix.uncertainty is not None), default=1.0
+    )
+    count = max(common.sum() / length, 1.0)
+    raw = {}
+    for name, fix in fixes.items():
+        k = _parameters(models[name]) + 1  # and the scale of the errors
+        if fix.position is None or fix.residual_s is None or count - k - 1 <= 0:
+            raw[name] = np.inf
+            continue
+        scale = np.sqrt(np.mean(fix.residual_s[fix.used] ** 2))
+        residual = np.clip(fix.residual_s[common], -CUT * scale, CUT * scale)
+        raw[name] = count * np.log(np.mean(residual**2)) + 2 * k + 2 * k * (k + 1) / (count - k - 1)
+    best = min(raw.values())
+    scores = [
+        ModelScore(
+            name,
+            models[name],
+            fix,
+            _parameters(models[name]),
+            float(raw[name] - best) if np.isfinite(raw[name]) else np.inf,
+            _held_out(pings, models[name], common),
+        )
+        for name, fix in fixes.items()
+    ]
+    return tuple(sorted(scores, key=lambda score: score.aicc))
+
+
+def _parameters(settings: FixSettings) -> int:
+    return len(FREE_DIRECTIONS[settings.motion]) + (0 if settings.emission_known else 1)
+
+
+def _held_out(pings: Pings, settings: FixSettings, scored: np.ndarray) -> float:
+    """Misfit [s] of pings by fits that had not seen their stretch of the survey; NaN if any fit has no place."""
+    block = np.arange(len(pings)) * BLOCKS // max(len(pings), 1)
+    squares, count = 0.0, 0
+    for fold in range(FOLDS):
+        hidden = block % FOLDS == fold
+        told = replace(settings, left_out=settings.left_out | {int(n) for n in pings.number[hidden]})
+        fix = fix_beacon(pings, told)
+        if fix.position is None or fix.emission_offset_s is None:
+            return np.nan
+        rows = np.flatnonzero(hidden & scored)
+        velocity = np.zeros(3) if fix.velocity is None else fix.velocity
+        place = fix.position + fix.elapsed_s[rows, None] * velocity
+        paths = paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m)
+        time = paths.times(place[None], fix.ship[rows])[0][0]
+        miss = pings.travel_time_s[rows] - time - fix.emission_offset_s
+        if settings.interval_s:
+            miss = miss - settings.interval_s * np.rint(miss / settings.interval_s)
+        squares += float(np.nansum(miss**2))
+        count += int(np.isfinite(miss).sum())
+    return float(np.sqrt(squares / max(count, 1)))
