@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+
+MANY = 3000  # residuals from which products of all lags are quicker by Fourier transform
 
 
 @dataclass(frozen=True)
@@ -37,9 +40,13 @@ def residual_correlation(residual: np.ndarray) -> ResidualCorrelation:
     total = e @ e
     if pings < 8 or total == 0:
         return ResidualCorrelation()
-    return correlation_from(
-        np.array([e[: pings - lag] @ e[lag:] for lag in range(pings // 4 + 1)]) / total, pings
-    )
+    lags = pings // 4 + 1
+    if pings < MANY:
+        products = np.array([e[: pings - lag] @ e[lag:] for lag in range(lags)])
+    else:  # the same by Fourier transform
+        length = next_fast_len(pings + lags, real=True)
+        products = irfft(np.abs(rfft(e, length)) ** 2, length)[:lags]
+    return correlation_from(products / total, pings)
 
 
 def correlation_from(rho: np.ndarray, pings: int) -> ResidualCorrelation:

@@ -13,13 +13,14 @@ from dashboards.frame import TABS
 
 pytestmark = pytest.mark.ui
 
-TITLES = ["Wet-paper chart", "Crossover", "Timing", "Beacon fix"]
+TITLES = ["Wet-paper chart", "Crossover", "Timing", "Beacon fix", "Monte Carlo"]
 # What must stand in each tab once its data are drawn.
 SENTENCES = {
     "Wet-paper chart": "1000 of 1000 pings",
     "Crossover": "both saw the torpedo",
     "Timing": "Transit times were too short by",
     "Beacon fix": "The beacon lies at 41°15.",
+    "Monte Carlo": "times the bound in z",
 }
 
 

@@ -42,6 +42,8 @@ from trackerlib.beacon.uncertainty import SlowErrors, uncertainty_of
 from trackerlib.residuals import residual_correlation
 
 SEARCH_PINGS = 300  # the search looks at no more pings than this, evenly chosen; the fix at all
+ONE_PLACE = 6.0  # times the ship's error: a track shorter than this is one place
+FEWEST_CHANGES = 8  # pairs of pings from which impossible times are told
 SPARE_PINGS = 3  # pings beyond the number of unknowns below which a fix is refused
 TYPICAL_DEPTH_M = 2000.0  # to which the search takes the mean of a profile's speed
 SAME_PLACE_SHARE = 0.02  # of the slant range: solutions closer than this are one
@@ -143,6 +145,14 @@ class _Attempt:
     def result(self) -> BeaconFix:
         track = straight_track(self.problem.ship)
         ship_sigma = ASSUMED_SHIP_RMS_M if self.settings.gps_rms_m is None else self.settings.gps_rms_m
+        if track.length_m < ONE_PLACE * max(ship_sigma, 1.0):
+            why = (
+                f"the ship stayed within {track.length_m:.0f} m: from one place nothing can be told but changes of "
+                "range; sail two legs on different bearings"
+            )
+            return replace(self.blank, reason=why)
+        if why := self._impossible_times(max(ship_sigma, 1.0)):
+            return replace(self.blank, reason=why)
         if track.is_straight(max(ship_sigma, 0.1)):
             if not self.motion.moving:
                 return self._on_a_circle(track)
@@ -165,6 +175,25 @@ class _Attempt:
         )
         reason = self._objection(best, fix, unseen, others)
         return replace(fix, converged=reason is None, reason=reason, unobservable=unseen, alternatives=others)
+
+    def _impossible_times(self, ship_sigma: float) -> str | None:
+        """Why the times cannot be travel times of these places: most change faster than sound would let them."""
+        problem = self.problem
+        apart = max(len(problem.time) // 4, 1)
+        moved = np.linalg.norm(problem.ship[apart:] - problem.ship[:-apart], axis=1)
+        if self.motion.moving:
+            moved = moved + problem.region.max_moved_m * np.abs(
+                problem.share[apart:] - problem.share[:-apart]
+            )
+        speed = problem.paths.mean_speed(TYPICAL_DEPTH_M)
+        allowed = 1.5 * (moved + 10 * ship_sigma) / speed + 0.02
+        changed = np.abs(problem.time[apart:] - problem.time[:-apart])
+        if len(changed) < FEWEST_CHANGES or np.mean(changed > allowed) < 0.6:
+            return None
+        return (
+            f"the times change by {np.median(changed):.3g} s where the ship's movement allows "
+            f"{np.median(allowed):.3g} s; check their unit, or tell the interval if they are folded"
+        )
 
     def _quick(self) -> tuple[Problem, Problem]:
         """The problem with few enough pings to search with, along straight paths and as it is.
