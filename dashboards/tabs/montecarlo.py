@@ -195,13 +195,11 @@ def table(rows: list[dict], sweep: str, component: str) -> pd.DataFrame:
     """One row a point: error, efficiency and coverage."""
     return pd.DataFrame(
         {
-            "estimator": [row["method"] for row in rows],
-            sweep: [row[sweep] for row in rows],
+            "method": [row["method"] for row in rows],
+            "n" if sweep == "experiments" else "K": [row[sweep] for row in rows],
             "error": [f"{row[f'rmse.{component}']:.3g}" for row in rows],
-            "/ bound": [f"{row[f'rmse.{component}'] / row[f'crlb.{component}']:.2f}" for row in rows],
-            "/ stated": [f"{row[f'rmse.{component}'] / row[f'mean_sigma.{component}']:.2f}" for row in rows],
-            "inside 95 %": [f"{100 * row['coverage95']:.1f} %" for row in rows],
-            "converged": [f"{row['converged']}/{row['trials']}" for row in rows],
+            "/bound": [f"{row[f'rmse.{component}'] / row[f'crlb.{component}']:.2f}" for row in rows],
+            "in 95 %": [f"{100 * row['coverage95']:.0f} %" for row in rows],
         }
     )
 
