@@ -15,14 +15,18 @@ from bokeh.models import (
 )
 from bokeh.palettes import Cividis256
 from bokeh.plotting import figure
+from bokeh.plotting.contour import contour_data
 
 from dashboards.palette import DIVERGING, ESTIMATE, REJECTED, SHIP, TRUTH
 from dashboards.pictures.mercator import map_figure, mercator, show_box
+from trackerlib.beacon.diagnosis import MisfitSurface
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.planning import Forecast
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.uncertainty import Ellipse
 
+PING_COLUMNS = ("number", "x", "y", "residual_ms", "shade_ms", "used", "utc", "kind", "moves_m")
+LEVELS = (2.3, 6.0, 9.2, 20.0, 50.0, 100.0)  # of chi-square; 6.0 holds 95 % in two dimensions
 LEGEND = {
     "location": "top_left",
     "click_policy": "hide",
@@ -60,7 +64,7 @@ class BeaconMap:
     """Map, residuals and history of one hunt; `show` replaces only what changed."""
 
     def __init__(self, tile_address: str = ""):
-        empty = {name: [] for name in ("number", "x", "y", "residual_ms", "shade_ms", "used", "utc", "kind")}
+        empty = {name: [] for name in PING_COLUMNS}
         self.pings = ColumnDataSource(empty, name="pings")
         self.track = ColumnDataSource({"x": [], "y": []})
         self.ship = ColumnDataSource({"x": [], "y": [], "angle": []})
@@ -83,6 +87,7 @@ class BeaconMap:
         self.map, self.home = self._map(tile_address)
         self.residuals = self._residuals()
         self.depths = self._history()
+        self.contours, self._contour, self._contour_centre = self._contours()
 
     # -- figures -------------------------------------------------------------------------------
 
@@ -193,7 +198,12 @@ class BeaconMap:
         fig.add_layout(Span(location=0, dimension="width", line_color=SHIP, line_width=1))
         fig.add_tools(
             HoverTool(
-                renderers=[points], tooltips=[("ping", "@number"), ("residual", "@residual_ms{0.00} ms")]
+                renderers=[points],
+                tooltips=[
+                    ("ping", "@number"),
+                    ("residual", "@residual_ms{0.00} ms"),
+                    ("moves the fix by", "@moves_m{0.00} m"),
+                ],
             )
         )
         return fig
@@ -219,6 +229,20 @@ class BeaconMap:
         )
         return fig
 
+    def _contours(self):
+        fig = figure(
+            name="contours",
+            sizing_mode="stretch_both",
+            tools="pan,wheel_zoom,reset,save",
+            active_scroll="wheel_zoom",
+            match_aspect=True,
+        )
+        blank = np.zeros((2, 2))
+        drawn = fig.contour([0, 1], [0, 1], blank, list(LEVELS), line_color=ESTIMATE, line_alpha=0.8)
+        centre = ColumnDataSource({"x": [], "y": []})
+        fig.scatter("x", "y", source=centre, size=9, color=ESTIMATE)
+        return fig, drawn, centre
+
     # -- data ----------------------------------------------------------------------------------
 
     def show_survey(self, pings: Pings, truth: dict | None) -> None:
@@ -232,8 +256,24 @@ class BeaconMap:
         self._truth_entry.visible = truth is not None
         self.history.data = {name: [] for name in self.history.data}
 
-    def show_fix(self, pings: Pings, fix: BeaconFix) -> None:
-        """The pings heard so far, coloured by what this fix leaves of them, and the fix itself."""
+    def show_contours(self, surface: MisfitSurface | None) -> None:
+        """Chi-square contours about the fix, 95 % the second of them; None clears them."""
+        blank = np.zeros((2, 2))
+        grid = ([0, 1], [0, 1], blank) if surface is None else (surface.across_m, surface.up_m, surface.rise)
+        self._contour.set_data(contour_data(*grid, list(LEVELS)))
+        self._contour_centre.data = {"x": [], "y": []}
+        if surface is not None:
+            row, column = np.unravel_index(np.argmin(surface.rise), surface.rise.shape)
+            self._contour_centre.data = {"x": [surface.across_m[column]], "y": [surface.up_m[row]]}
+            self.contours.xaxis.axis_label = f"{surface.names[0]} (m)"
+            self.contours.yaxis.axis_label = f"{surface.names[1]} (m)"
+            self.contours.y_range.flipped = surface.names[1] == "depth"
+
+    def show_fix(self, pings: Pings, fix: BeaconFix, moves_m: np.ndarray | None = None) -> None:
+        """The pings heard so far, coloured by what this fix leaves of them, and the fix itself.
+
+        moves_m : (N,) how far the fix would move without each ping
+        """
         count = min(len(pings), len(fix.number))
         x, y = mercator(pings.lat_deg[:count], pings.lon_deg[:count])
         self.track.data = {"x": x, "y": y}
@@ -251,6 +291,7 @@ class BeaconMap:
             "used": np.where(used, "used", "left out"),
             "utc": np.where(np.isnat(pings.utc[:count]), "", pings.utc[:count].astype(str)),
             "kind": np.where(used, "circle", "x"),
+            "moves_m": np.full(count, np.nan, "f4") if moves_m is None else moves_m[:count].astype("f4"),
         }
         self._show_place(fix)
         self._keep_in_sight(fix)

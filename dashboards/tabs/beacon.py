@@ -20,6 +20,7 @@ from dashboards.pictures.mercator import from_mercator
 from dashboards.session import SPEEDS
 from dashboards.tabs.tab import Tab, alone, choice, heading, number
 from trackerlib.beacon.choice import compare_models, usual_models
+from trackerlib.beacon.diagnosis import influence, misfit_surface
 from trackerlib.beacon.fix import fix_history
 from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.planning import (
@@ -38,6 +39,7 @@ from trackerlib.commands.fix import document
 from trackerlib.commands.plan import route_text
 from trackerlib.exports.export import LAYOUTS, export_fix
 from trackerlib.frames import degrees_minutes, utm
+from trackerlib.positions import degrees_minutes_seconds
 from trackerlib.rounding import value_with_sigma
 from trackerlib.textfiles import InputError
 
@@ -50,6 +52,12 @@ OPTIONAL = (
     "step",
 )  # may be left empty
 WHOLE = ("experiments", "spacing", "step")  # whole numbers
+BELOW = {
+    "history of the depth": "",
+    "contours, east and north": "east, north",
+    "contours, east and depth": "east, depth",
+    "contours, north and depth": "north, depth",
+}
 EXPORT_NAMES = {
     "GPX 1.1 (plotters)": "gpx-1.1",
     "GPX 1.0": "gpx-1.0",
@@ -88,7 +96,7 @@ class BeaconTab(Tab):
         self.numbers = pn.pane.HTML(sizing_mode="stretch_width", margin=(0, 10), styles={"font-size": "13px"})
         self.copies = {
             name: Copy(label=f"Copy {name}", margin=(2, 4))
-            for name in ("degrees", "minutes", "UTM", "everything")
+            for name in ("degrees", "minutes", "seconds", "UTM", "everything")
         }
         self.layout = choice("Export as", EXPORT_NAMES, "gpx-1.1")
         self.layout.param.watch(lambda event: self._name_export(), "value")
@@ -198,6 +206,8 @@ class BeaconTab(Tab):
         self.step = optional(
             "Step (receptions)", settings.step, "as the spacing", "From one pair to the next; empty: chained"
         )
+        self.below = choice("Beside the residuals", BELOW, "")
+        self.below.param.watch(lambda event: self._show_below(), "value")
         self.leave_out = pmui.Button(
             label="Leave out selected pings", size="small", variant="outlined", margin=(6, 8)
         )
@@ -283,6 +293,7 @@ class BeaconTab(Tab):
             self.emission,
             self.interval,
             self.max_speed,
+            self.below,
             heading("Estimator"),
             self.method,
             self.experiments,
@@ -308,9 +319,14 @@ class BeaconTab(Tab):
         return pn.pane.Bokeh(self.map.map, sizing_mode="stretch_both", margin=0)
 
     def strips(self):
-        return [
+        self._history_pane, self._contour_pane = (
             pn.pane.Bokeh(figure, sizing_mode="stretch_both", margin=0)
-            for figure in (self.map.residuals, self.map.depths)
+            for figure in (self.map.depths, self.map.contours)
+        )
+        self._beside = pn.Column(self._history_pane, sizing_mode="stretch_both", margin=0)
+        return [
+            pn.pane.Bokeh(self.map.residuals, sizing_mode="stretch_both", margin=0),
+            self._beside,
         ]
 
     def answer(self):
@@ -336,7 +352,12 @@ class BeaconTab(Tab):
                 self._compute_history()
         self._show_controls()
         if session.fix is not None and changed & {"fix", "pings"}:
-            self.map.show_fix(session.pings, session.fix)
+            moves = None
+            if session.fix.converged and not session.playing:
+                heard = session.pings.only(slice(0, len(session.fix.number)))
+                moves = influence(heard, session.fix, session.fix_settings)
+            self.map.show_fix(session.pings, session.fix, moves)
+            self._show_below()
             self._clear_plan()
             if session.playing:
                 self.map.add_history(session.fix)
@@ -411,6 +432,20 @@ class BeaconTab(Tab):
         self.map.pings.selected.indices = []
         self._set(left_out=self.session.fix_settings.left_out | numbers)
         self.session.say(f"{len(numbers)} pings left out by hand; Undo brings them back")
+
+    def _show_below(self) -> None:
+        """History or contours beside the residuals, as chosen."""
+        names, fix = self.below.value, self.session.fix
+        wanted = self._contour_pane if names else self._history_pane
+        if self._beside[0] is not wanted:
+            self._beside[:] = [wanted]
+        if not names:
+            return
+        surface = None
+        if fix is not None and fix.converged:
+            heard = self.session.pings.only(slice(0, len(fix.number)))
+            surface = misfit_surface(heard, fix, self.session.fix_settings, tuple(names.split(", ")))
+        self.map.show_contours(surface)
 
     # -- models --------------------------------------------------------------------------------
 
@@ -648,6 +683,7 @@ def position_texts(fix: BeaconFix) -> dict[str, str]:
     return {
         "degrees": f"{now.lat_deg:.8f}, {now.lon_deg:.8f}",
         "minutes": f"{degrees_minutes(now.lat_deg, 'NS')}, {degrees_minutes(now.lon_deg, 'EW')}",
+        "seconds": degrees_minutes_seconds(now.lat_deg, now.lon_deg),
         "UTM": f"{zone} {easting:.2f} E {northing:.2f} N (WGS 84)",
         "everything": json.dumps(document(fix)),
     }

@@ -256,3 +256,21 @@ def test_models_are_compared_side_by_side(tab):
     assert tab.models.visible
     assert "moves freely" in tab.models.object
     assert tab.models.object.index("lies still") < tab.models.object.index("moves freely")
+
+
+def test_contours_stand_beside_the_residuals_when_chosen(tab):
+    tab._catch_up()
+    tab.below.value = "east, depth"
+    assert tab._beside[0] is tab._contour_pane
+    lines = tab.map._contour.line_renderer.data_source.data["xs"]
+    assert len(lines) >= 4
+    assert tab.map.contours.y_range.flipped
+    tab.below.value = ""
+    assert tab._beside[0] is tab._history_pane
+
+
+def test_each_ping_says_how_far_it_moves_the_fix(tab):
+    moves = tab.map.pings.data["moves_m"]
+    used = tab.session.fix.used
+    assert np.isfinite(moves[used]).all()
+    assert np.isnan(moves[~used]).all()

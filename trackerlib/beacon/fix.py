@@ -79,7 +79,7 @@ def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
             blank,
             reason="a moving beacon needs the instant of each ping: a column utc or time_s, or the interval",
         )
-    problem = _problem(pings, blank, allowed, settings, motion)
+    problem = problem_of(pings, blank, allowed, settings, motion)
     frame = blank.frame
     extra = None if settings.start is None else frame.to_local(*settings.start[:2], -settings.start[2])
     fix = _Attempt(problem, motion, blank, allowed, settings, extra).result()
@@ -102,7 +102,10 @@ def fix_history(
         yield count, fix_beacon(pings.only(slice(0, count)), settings)
 
 
-def _problem(pings, blank, allowed, settings, motion) -> Problem:
+def problem_of(
+    pings: Pings, blank: BeaconFix, allowed: np.ndarray, settings: FixSettings, motion: Motion
+) -> Problem:
+    """What is minimised for the pings allowed (N,) of a survey, in the frame of a fix of it."""
     ship = blank.ship[allowed]
     region = Region(
         ship[:, :2].mean(axis=0),
