@@ -165,3 +165,11 @@ def test_unfolding_undoes_folding_though_some_returns_are_false():
 def test_refolding_moves_only_what_lies_half_an_interval_off():
     moved = refold(np.array([1.0, 2.0, 3.0]), np.array([0.1, 2.1, np.nan]), 2.0)
     assert moved == pytest.approx([1.0, 0.0, 3.0])
+
+
+@pytest.mark.parametrize("gps_rms_m", [None, 3.0])
+def test_a_beacon_that_moves_is_not_believed_to_lie_still(gps_rms_m):
+    pings, _, _ = heard(Scenario((200.0, 300.0, -1500.0), (0.4, -0.3, 0.5)), 1)
+    fix = fix_beacon(pings, FixSettings(gps_rms_m=gps_rms_m))
+    assert not fix.converged
+    assert "moves" in fix.reason

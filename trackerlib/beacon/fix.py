@@ -19,12 +19,13 @@ from trackerlib.beacon.minimise import (
     Problem,
     Region,
     biweight_cost,
+    descend,
     robust_descent,
     scale_of,
     settle,
     starts,
 )
-from trackerlib.beacon.motion import Motion, motion_over
+from trackerlib.beacon.motion import FREE_DIRECTIONS, Motion, motion_over
 from trackerlib.beacon.observability import (
     UNSEEN_SHARE,
     StraightTrack,
@@ -44,6 +45,9 @@ from trackerlib.residuals import residual_correlation
 SEARCH_PINGS = 300  # the search looks at no more pings than this, evenly chosen; the fix at all
 ONE_PLACE = 6.0  # times the ship's error: a track shorter than this is one place
 FEWEST_CHANGES = 8  # pairs of pings from which impossible times are told
+DRIFTING_LENGTH = 3.0  # residuals that count as one, from which a still beacon's motion is looked for
+SLOWEST_MPS = 0.02  # below this a beacon is not said to move
+MOVING_SHARE = 0.4  # of the still fit's squares: a drift that leaves less shows that the beacon moves
 SPARE_PINGS = 3  # pings beyond the number of unknowns below which a fix is refused
 TYPICAL_DEPTH_M = 2000.0  # to which the search takes the mean of a profile's speed
 SAME_PLACE_SHARE = 0.02  # of the slant range: solutions closer than this are one
@@ -369,6 +373,8 @@ class _Attempt:
                     f"at the {when} ping the beacon would have been {-depth:.0f} m above the surface; "
                     "it does not move like this, or the times are wrong"
                 )
+        if why := self._moves(best, fix):
+            return why
         if unseen:
             return unseen[-1].why
         if not best.settled:
@@ -383,6 +389,25 @@ class _Attempt:
                 "the misfit is flatter than its ellipse says, so no honest sigma can be given; sail further"
             )
         return None
+
+    def _moves(self, best: _Candidate, fix: BeaconFix) -> str | None:
+        """Why a beacon taken to lie still does not: residuals that hang together and that a drift takes away."""
+        if self.motion.moving or fix.uncertainty.correlation.length < DRIFTING_LENGTH:
+            return None
+        problem = replace(self.problem.only(best.keep), axes=FREE_DIRECTIONS["free"])
+        weight = self._weight(best)[:, best.keep]
+        state, _ = descend(
+            problem, np.concatenate([best.position, np.zeros(3)])[None], weight, steps=60, axes=problem.axes
+        )
+        free = problem.eliminate(state, weight).sum_of_squares[0]
+        still = self.problem.eliminate(best.position[None], self._weight(best)).sum_of_squares[0]
+        speed = float(np.linalg.norm(state[0, 3:])) / self.motion.half_s
+        if free > MOVING_SHARE * still or speed < SLOWEST_MPS or problem.region.edge(state[0]) is not None:
+            return None
+        return (
+            f"a beacon that moves, at {speed:.2g} m/s, leaves residuals {np.sqrt(still / free):.1f} times smaller "
+            "than one that lies still; tell the motion (horizontal, vertical, free), or check ship positions and times"
+        )
 
     def _as_steep_as_stated(self, best: _Candidate, fix: BeaconFix) -> bool:
         """Whether two noise sigmas along the weakest direction really cost what the ellipse says (4)."""
