@@ -6,10 +6,9 @@ import html
 import io
 import json
 import tempfile
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 
-import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
@@ -18,6 +17,7 @@ from dashboards.keys import Copy
 from dashboards.pictures.beacon_map import BeaconMap
 from dashboards.pictures.mercator import from_mercator
 from dashboards.session import SPEEDS
+from dashboards.tabs.beacon_words import models_table, position_texts, sentence, table
 from dashboards.tabs.tab import Tab, alone, choice, heading, number
 from trackerlib.beacon.choice import compare_models, usual_models
 from trackerlib.beacon.diagnosis import influence, misfit_surface
@@ -25,7 +25,6 @@ from trackerlib.beacon.fix import fix_history
 from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.planning import (
     FASTEST_MPS,
-    ErrorBudget,
     Leg,
     accuracy_map,
     error_budget,
@@ -38,9 +37,6 @@ from trackerlib.beacon.settings import METHODS, FixSettings
 from trackerlib.commands.fix import document
 from trackerlib.commands.plan import route_text
 from trackerlib.exports.export import LAYOUTS, export_fix
-from trackerlib.frames import degrees_minutes, utm
-from trackerlib.positions import degrees_minutes_seconds
-from trackerlib.rounding import value_with_sigma
 from trackerlib.textfiles import InputError
 
 OPTIONAL = (
@@ -589,104 +585,6 @@ def typed(value):
         return float(value.replace(",", ".")) if value.strip() else None
     except ValueError:
         raise InputError(f"found {value!r}; wanted a number or nothing") from None
-
-
-def sentence(fix: BeaconFix) -> str:
-    """The answer as a person would read it aloud, as HTML."""
-    if fix.converged:
-        now = fix.present
-        shape = now.ellipse
-        words = (
-            f"<b>The beacon {'lies' if fix.velocity is None else 'is now'} at "
-            f"{html.escape(degrees_minutes(now.lat_deg, 'NS'))}, "
-            f"{html.escape(degrees_minutes(now.lon_deg, 'EW'))}</b>, depth "
-            f"{value_with_sigma(now.depth_m, now.sigma[2], 'm')}. With 95 % probability it is within an ellipse of "
-            f"{shape.semi_major_m:.2g} by {shape.semi_minor_m:.2g} m whose long axis bears {shape.bearing_deg:.0f}°."
-        )
-        return words if fix.velocity is None else words + " " + movement(fix)
-    words = f"<b>No fix yet:</b> {html.escape(fix.reason or '')}."
-    if fix.along_track_m is not None:
-        words += (
-            f" Along the track it is {fix.along_track_m:.0f} m from the first ping, "
-            f"{fix.closest_slant_range_m:.0f} m of slant range from the line."
-        )
-    return words
-
-
-def movement(fix: BeaconFix) -> str:
-    """How a moving beacon moves, in a sentence."""
-    east, north, up = (float(value) for value in fix.velocity)
-    parts = []
-    if east or north:
-        sigma = float(np.sqrt(np.trace(fix.uncertainty.covariance[3:5, 3:5]) / 2))
-        bearing = np.degrees(np.arctan2(east, north)) % 360
-        parts.append(f"drifts {value_with_sigma(np.hypot(east, north), sigma, 'm/s')} towards {bearing:.0f}°")
-    if up:
-        way = "rises" if up > 0 else "sinks"
-        parts.append(f"{way} at {value_with_sigma(abs(up), float(fix.uncertainty.sigma[5]), 'm/s')}")
-    return f"It {' and '.join(parts)}."
-
-
-def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
-    """The numbers below the sentence, as HTML."""
-    rows = []
-    if fix.position is not None:
-        now = fix.present
-        sigma = now.sigma if now.sigma is not None else (None, None, None)
-        rows = [
-            ("east of first ping", value_with_sigma(float(now.position[0]), sigma[0], "m")),
-            ("north of first ping", value_with_sigma(float(now.position[1]), sigma[1], "m")),
-            ("depth", value_with_sigma(now.depth_m, sigma[2], "m")),
-        ]
-        rows += [(name, text) for name, text in position_texts(fix).items() if name != "everything"]
-    if fix.uncertainty is not None:
-        rows += [
-            ("rms residual", f"{1e3 * fix.uncertainty.rms_s:.3g} ms"),
-            ("residuals that count as one", f"{fix.uncertainty.correlation.length:.1f}"),
-        ]
-    if budget is not None:
-        for name, values in asdict(budget).items():
-            rows.append((f"of depth's sigma: {name.replace('_', ' ')}", f"{values[2]:.2g} m"))
-    if fix.sound_speed_mps is not None:
-        rows.append(("mean sound speed", f"{fix.sound_speed_mps:.1f} m/s"))
-    rows.append(("pings used", f"{int(fix.used.sum())} of {len(fix.used)}"))
-    left_out = ", ".join(map(str, fix.rejected[:20])) + (" …" if len(fix.rejected) > 20 else "")
-    rows.append(("left out", left_out or "none"))
-    cells = "".join(
-        f'<tr><td style="opacity:.75;padding:1px 8px 1px 0;vertical-align:top">{html.escape(name)}</td>'
-        f"<td>{html.escape(text)}</td></tr>"
-        for name, text in rows
-    )
-    return f"<table>{cells}</table>"
-
-
-def models_table(scores) -> str:
-    """Models side by side, the best first, as an HTML table."""
-    cells = "".join(
-        f"<tr><td style='padding:1px 10px 1px 0'>{html.escape(score.name)}</td>"
-        f"<td style='padding:1px 10px 1px 0'>{'no place' if np.isinf(score.aicc) else f'{score.aicc:.1f}'}</td>"
-        f"<td>{'' if np.isnan(score.held_out_s) else f'{1e3 * score.held_out_s:.3g} ms'}</td></tr>"
-        for score in scores
-    )
-    return (
-        "<table><tr style='opacity:.75;text-align:left'><td>the beacon</td><td>AICc above best</td>"
-        f"<td>held-out pings</td></tr>{cells}</table>"
-    )
-
-
-def position_texts(fix: BeaconFix) -> dict[str, str]:
-    """The position as people copy it: decimal degrees, degrees and minutes, UTM, and all numbers as JSON."""
-    if fix.position is None:
-        return {}
-    now = fix.present
-    zone, easting, northing = utm(now.lat_deg, now.lon_deg)
-    return {
-        "degrees": f"{now.lat_deg:.8f}, {now.lon_deg:.8f}",
-        "minutes": f"{degrees_minutes(now.lat_deg, 'NS')}, {degrees_minutes(now.lon_deg, 'EW')}",
-        "seconds": degrees_minutes_seconds(now.lat_deg, now.lon_deg),
-        "UTM": f"{zone} {easting:.2f} E {northing:.2f} N (WGS 84)",
-        "everything": json.dumps(document(fix)),
-    }
 
 
 alone(__name__, "dashboards.tabs.beacon:BeaconTab")
