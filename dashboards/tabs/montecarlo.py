@@ -11,7 +11,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pictures.study_views import StudyViews
-from dashboards.tabs.tab import TABLE, Tab, alone, choice, number
+from dashboards.tabs.tab import Results, Tab, alone, choice, number
 from trackerlib.commands.study import COLUMNS, one_row
 from trackerlib.simulation.hexagon import METHODS, SCENARIOS
 from trackerlib.simulation.study import SWEEPS, StudyPoint, study_points
@@ -58,11 +58,7 @@ class MonteCarloTab(Tab):
         self.start = pmui.Button(label="Run", icon="play_arrow", size="small", margin=(6, 8))
         self.start.on_click(lambda event: self.run())
         self.words = pn.pane.HTML(sizing_mode="stretch_width", margin=(6, 10), styles={"font-size": "14px"})
-        self.table = pn.widgets.Tabulator(
-            disabled=True, show_index=False, pagination="local", page_size=18, sizing_mode="stretch_width",
-            visible=False, theme="simple", margin=(6, 8), stylesheets=[TABLE], layout="fit_columns",
-            configuration={"columnDefaults": {"headerSort": False}},
-        )  # fmt: skip
+        self.table = Results()
 
     def controls(self):
         return [
@@ -150,8 +146,7 @@ class MonteCarloTab(Tab):
         sweep, component = self.ran[0], self.component.value
         self.views.show(self.rows, sweep, component)
         self.words.object = sentence(self.rows, self.ran[1], self.ran[2], component)
-        self.table.value = table(self.rows, sweep, component)
-        self.table.visible = True
+        self.table.show(table(self.rows, sweep, component), 18, sortable=False)
 
     def export(self):
         if not self.rows:

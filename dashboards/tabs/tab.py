@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import logging
 
+import pandas as pd
 import panel as pn
 import panel_material_ui as pmui
 import param
@@ -172,6 +173,31 @@ def choice(label: str, names: dict, value):
     return pmui.Select(
         label=label, options=names, value=value, size="small", sizing_mode="stretch_width", margin=(5, 8)
     )
+
+
+class Results(pn.Column):
+    """Place of a small table, empty until `show` puts one there."""
+
+    def __init__(self):
+        super().__init__(margin=0, sizing_mode="stretch_width")
+
+    def show(self, frame: pd.DataFrame, page_size: int, *, sortable: bool = True) -> None:
+        """Puts a new table in the place of the last one.
+
+        Always a new one: a page that is still building a Tabulator fails on a change of its columns.
+        """
+        self.objects = [
+            pn.widgets.Tabulator(
+                frame, disabled=True, show_index=False, pagination="local", page_size=page_size,
+                sizing_mode="stretch_width", theme="simple", layout="fit_columns", margin=(6, 8),
+                stylesheets=[TABLE], configuration={"columnDefaults": {"headerSort": sortable}},
+            )
+        ]  # fmt: skip
+
+    @property
+    def frame(self) -> pd.DataFrame | None:
+        """What the table shows; None while there is none."""
+        return self[0].value if len(self) else None
 
 
 def heading(text: str):

@@ -10,7 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.pictures.track_views import TrackViews
-from dashboards.tabs.tab import TABLE, Tab, alone, heading
+from dashboards.tabs.tab import Results, Tab, alone, heading
 from trackerlib.commands.timing import document, offsets_csv
 from trackerlib.rounding import value_with_sigma
 from trackerlib.timing.correction import TimingCorrection, corrected_tracks, fit_timing, stretches
@@ -49,11 +49,7 @@ class TimingTab(Tab):
         self.show_before.param.watch(lambda event: self._draw_before(), "value")
         self.fit_all = pmui.Button(label="Fit every set", size="small", variant="outlined", margin=(6, 8))
         self.fit_all.on_click(lambda event: self._fit_all())
-        self.table = pn.widgets.Tabulator(
-            disabled=True, show_index=False, pagination="local", page_size=12, sizing_mode="stretch_width",
-            visible=False, theme="simple", configuration={"columnDefaults": {"headerSort": True}}, margin=(6, 8),
-            stylesheets=[TABLE],
-        )  # fmt: skip
+        self.table = Results()
         self._answers: list[dict] = []
 
     def controls(self):
@@ -85,7 +81,8 @@ class TimingTab(Tab):
             self._quiet = True
             self.chosen.options = {set_name(one): k for k, one in enumerate(session.gating.sets)}
             self._quiet = False
-            self._answers, self.table.visible = [], False
+            self._answers = []
+            self.table.clear()
         missing = [name for name in ("crossover", "survey", "profile") if getattr(session, name) is None]
         if missing:
             self.words.object = (
@@ -196,7 +193,7 @@ class TimingTab(Tab):
 
     def _show_all(self, answers: list[dict]) -> None:
         self._answers = answers
-        self.table.value = pd.DataFrame(
+        frame = pd.DataFrame(
             {
                 "pair": ["{}-{}".format(*one["pair"]) for one in answers],
                 "T": [one["points"] for one in answers],
@@ -208,7 +205,7 @@ class TimingTab(Tab):
                 "after (ft)": [round(one["rms_after_ft"], 1) for one in answers],
             }
         )
-        self.table.visible = True
+        self.table.show(frame, 12)
 
     def export(self):
         if self.session.correction is None or self._set is None:

@@ -24,7 +24,7 @@ def test_opening_runs_and_draws_a_study(tab):
     assert len(tab.views.curves["thesis"].data["abscissa"]) == 3
     assert "Simulated" in tab.words.object
     assert "times</b> as accurate" in tab.words.object
-    assert len(tab.table.value) == len(tab.rows)
+    assert len(tab.table.frame) == len(tab.rows)
 
 
 def test_a_point_is_the_command_s_point(tab):

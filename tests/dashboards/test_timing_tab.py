@@ -97,8 +97,7 @@ def test_as_reported_can_be_hidden(tab):
 
 def test_every_set_can_be_fitted_into_a_table(tab):
     tab.fit_all.clicks += 1
-    assert len(tab.table.value) == len(tab.session.gating.sets)
-    assert tab.table.visible
+    assert len(tab.table.frame) == len(tab.session.gating.sets)
     name, text = tab.export()
     assert name == "offsets.csv"
     assert text.startswith("# SIMULATED DATA\nday,run,pair,offset_ms")
