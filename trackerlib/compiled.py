@@ -63,6 +63,7 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.beacon.squared_range",
     "trackerlib.beacon.pairs",
     "trackerlib.beacon.live",
+    "trackerlib.timing.variance_components",
 )
 
 _warm_ups: list[Callable[[], object]] = []
