@@ -64,6 +64,7 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.beacon.pairs",
     "trackerlib.beacon.live",
     "trackerlib.timing.variance_components",
+    "trackerlib.timing.correlated_noise",
 )
 
 _warm_ups: list[Callable[[], object]] = []

@@ -11,14 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.noise import residual_noise
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.straight_line import MIN_POINTS, is_curved
 from trackerlib.crossover.survey import ArraySurvey
-from trackerlib.residuals import residual_correlation
+from trackerlib.timing.correlated_noise import spread_of
 from trackerlib.timing.stretch import Stretch, stretch
 
 CUT = 5.0  # robust standard deviations beyond which a gap is an outlier
@@ -44,7 +43,7 @@ class TimingCorrection:
     sigma_drift_s_per_count: float | None = None
     correlation: float | None = None
     noise: np.ndarray | None = None  # M (3, 3)
-    correlation_length: float = 1.0  # point counts per independent one
+    correlation_length: float = 1.0  # point counts as good as one independent one
     reason: str | None = None
 
     def offset_at(self, point_count) -> np.ndarray:
@@ -176,27 +175,42 @@ def _with_sigma(bare, crossover, first, second, c, keep, noise) -> TimingCorrect
             bare, reason=f"{bare.points} points are too few for a sigma; at least {MIN_POINTS} are needed"
         )
     count = crossover.point_count[keep].astype(float)
+    told = noise is not None
     if noise is None:
         x, y = corrected_tracks(crossover, first, second, bare.offset_s, bare.drift_s_per_count, bare.t0)
         noise = residual_noise(x[keep], y[keep], count).gap
     c, t = c[keep], count - bare.t0
-    quadratic = np.einsum("ti,ij,tj->t", c, noise, c)
+    size = np.sqrt(np.einsum("ti,ij,tj->t", c, noise, c))  # of the noise along c
     weight = np.sum(c * c, axis=1)
     offset_gain, drift_gain = 1 / weight.sum(), 1 / (t**2 @ weight)  # eq. (15)
-    series = np.sum(c * bare.residual[keep], axis=1)
-    correlation = residual_correlation(series - series.mean())
-    student = stats.t.ppf(0.975, max(bare.points - 2, 1)) / stats.norm.ppf(0.975)
-    widen = correlation.length * student**2
-    var_offset = offset_gain**2 * quadratic.sum() * widen  # eq. (17)
-    var_drift = drift_gain**2 * (t**2 @ quadratic) * widen  # eq. (18)
-    covariance = offset_gain * drift_gain * (t @ quadratic) * widen  # eq. (19)
+    if not size.min() > 0:
+        return replace(
+            bare, noise=noise, reason="the two arrays see the track from one side; no offset moves it"
+        )
+    both = np.column_stack([np.ones(len(t)), t])
+    # Eqs. (17)-(19) are gain' gain; here the noise of neighbouring counts may hang together.
+    spread = spread_of(
+        gain=both * np.array([offset_gain, drift_gain]) * size[:, None],
+        residual=np.sum(c * bare.residual[keep], axis=1) / size,
+        design=both * (weight / size)[:, None],
+        others=_beside(bare.residual[keep], c, noise),
+        point_count=count,
+        scale_known=told,
+    )
     return replace(
         bare,
-        sigma_offset_s=float(np.sqrt(var_offset)),
-        sigma_drift_s_per_count=float(np.sqrt(var_drift)),
-        correlation=float(covariance / np.sqrt(var_offset * var_drift))
-        if var_offset * var_drift > 0
-        else 0.0,
+        sigma_offset_s=float(spread.sigma[0]),
+        sigma_drift_s_per_count=float(spread.sigma[1]),
+        correlation=float(spread.correlation[0, 1]),
         noise=noise,
-        correlation_length=correlation.length,
+        correlation_length=spread.length,
     )
+
+
+def _beside(residual: np.ndarray, c: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """What remains of the gap (T, 2) at right angles to c, by the noise, in whitened units."""
+    whiten = np.linalg.inv(np.linalg.cholesky(noise + 1e-9 * np.trace(noise) * np.eye(3)))
+    along = whiten @ np.median(c, axis=0)
+    along = along / max(np.linalg.norm(along), 1e-300)
+    basis = np.linalg.svd(np.eye(3) - np.outer(along, along))[0][:, :2]
+    return residual @ whiten.T @ basis
