@@ -22,6 +22,7 @@ from trackerlib.timing.stretch import Stretch, stretch
 
 CUT = 5.0  # robust standard deviations beyond which a gap is an outlier
 ROUNDS = 12
+LEAST_VARIANCE = 1e-6  # of the gap along any direction, squared lengths; positions are printed to 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,13 +181,15 @@ def _with_sigma(bare, crossover, first, second, c, keep, noise) -> TimingCorrect
         x, y = corrected_tracks(crossover, first, second, bare.offset_s, bare.drift_s_per_count, bare.t0)
         noise = residual_noise(x[keep], y[keep], count).gap
     c, t = c[keep], count - bare.t0
+    values, vectors = np.linalg.eigh(noise)  # below zero by rounding where a made-up set has no noise
+    noise = (vectors * np.maximum(values, LEAST_VARIANCE)) @ vectors.T
     size = np.sqrt(np.einsum("ti,ij,tj->t", c, noise, c))  # of the noise along c
     weight = np.sum(c * c, axis=1)
-    offset_gain, drift_gain = 1 / weight.sum(), 1 / (t**2 @ weight)  # eq. (15)
-    if not size.min() > 0:
+    if not weight.min() > 0:
         return replace(
-            bare, noise=noise, reason="the two arrays see the track from one side; no offset moves it"
+            bare, noise=noise, reason="both arrays see the track from one place; no offset moves the gap"
         )
+    offset_gain, drift_gain = 1 / weight.sum(), 1 / (t**2 @ weight)  # eq. (15)
     both = np.column_stack([np.ones(len(t)), t])
     # Eqs. (17)-(19) are gain' gain; here the noise of neighbouring counts may hang together.
     spread = spread_of(
@@ -209,7 +212,7 @@ def _with_sigma(bare, crossover, first, second, c, keep, noise) -> TimingCorrect
 
 def _beside(residual: np.ndarray, c: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """What remains of the gap (T, 2) at right angles to c, by the noise, in whitened units."""
-    whiten = np.linalg.inv(np.linalg.cholesky(noise + 1e-9 * np.trace(noise) * np.eye(3)))
+    whiten = np.linalg.inv(np.linalg.cholesky(noise))
     along = whiten @ np.median(c, axis=0)
     along = along / max(np.linalg.norm(along), 1e-300)
     basis = np.linalg.svd(np.eye(3) - np.outer(along, along))[0][:, :2]
