@@ -67,7 +67,8 @@ def run(args: argparse.Namespace) -> dict:
             print(f"{path.name}, line {record.line}: {record.why}", file=sys.stderr)
         for note in reading.notes:
             print(f"{path.name}: {note}", file=sys.stderr)
-        answers.append(document(path, reading.set, fit_timing(reading.set, survey, profile, noise)))
+        fit = fit_timing(reading.set, survey, profile, noise, method=args.method, outliers=args.outliers)
+        answers.append(document(path, reading.set, fit))
         sets.append(reading.set)
     if args.out:
         write_text(args.out, offsets_csv(answers, args.day, args.run))
@@ -122,7 +123,14 @@ def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -
         "points": fit.points,
         "excluded_counts": crossover.point_count[fit.excluded].tolist(),
         "M_ft2": None if fit.noise is None else fit.noise.tolist(),
+        "noise_points": fit.noise_points,
+        "method": fit.method,
+        "settled": fit.settled,
+        "isotropic_sigma_offset_ms": milli(fit.isotropic_sigma_offset_s),
+        "correlation_length": fit.correlation_length,
         "curved": fit.curved,
+        "degree": fit.degree,
+        "separated": list(fit.separated),
         "rms_before_ft": fit.rms_before,
         "rms_after_ft": fit.rms_after,
         "mean_before_ft": fit.mean_before.tolist(),
@@ -150,13 +158,18 @@ def report(answer: dict) -> str:
     for one in answer["sets"]:
         pair = "{}-{}".format(*one["pair"])
         if one["sigma_offset_ms"] is None:
-            lines.append(f"{pair:8} {one['points']:3d}   {one['offset_ms']:.3f}, no sigma: {one['reason']}")
+            even = one["isotropic_sigma_offset_ms"]
+            also = "" if even is None else f"; with equal noise on every axis ± {even:.2g}"
+            lines.append(
+                f"{pair:8} {one['points']:3d}   {one['offset_ms']:7.3f}, no sigma: {one['reason']}{also}"
+            )
             continue
+        apart = f"   still apart: {', '.join(one['separated'])}" if one["separated"] else ""
         left_out = f"   {len(one['excluded_counts'])} outliers left out" if one["excluded_counts"] else ""
         lines.append(
             f"{pair:8} {one['points']:3d}   {one['offset_ms']:7.3f} ± {one['sigma_offset_ms']:.3f}   "
             f"{one['drift_ms_per_count']:9.4f} ± {one['sigma_drift_ms_per_count']:.4f}   "
-            f"{one['rms_before_ft']:.1f} -> {one['rms_after_ft']:.1f}{left_out}"
+            f"{one['rms_before_ft']:.1f} -> {one['rms_after_ft']:.1f}{left_out}{apart}"
         )
     if "causes" in answer:
         lines += ["", f"what fits all sets together: {answer['best_cause']}"]

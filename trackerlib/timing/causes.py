@@ -250,7 +250,7 @@ def _normal(one: CrossoverSet, fit, survey, profile, columns, centre) -> _Normal
     """One set's normal equations, whitened by its own noise about straight lines after its own timing correction."""
     first, second = stretches(one, survey, profile)
     x, y = corrected_tracks(one, first, second, fit.offset_s, fit.drift_s_per_count, fit.t0)
-    noise = residual_noise(x, y, one.point_count).gap
+    noise = residual_noise(x, y, one.point_count, degree=fit.degree).gap
     values, vectors = np.linalg.eigh(noise)
     whiten = vectors.T / np.sqrt(np.maximum(values, LEAST_VARIANCE) * fit.correlation_length)[:, None]
     patterns = _patterns(one, first, second, survey, profile, centre)
