@@ -294,4 +294,4 @@ def test_a_few_points_have_a_sigma_of_equal_noise_only():
 def test_a_separation_that_timing_cannot_close_is_flagged():
     crossover = simulated(3)
     assert fitted(crossover).separated == ()
-    assert fitted(replace(crossover, x=[*crossover.x, 0.0, 0.0, 4.0])).separated == ("vertical",)
+    assert fitted(replace(crossover, x=crossover.x + np.array([0.0, 0.0, 4.0]))).separated == ("vertical",)
