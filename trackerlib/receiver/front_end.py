@@ -88,19 +88,17 @@ def compress(power, first, state, automatic, gain_db, samples_per_period, levels
     state.largest = largest
 
 
-def starting_attenuation(power: np.ndarray, gain_db: float) -> int:
-    """The least attenuation [dB] that keeps the levels of a squared envelope (M,) below the upper threshold.
+def starting_attenuation(largest: int) -> int:
+    """The least attenuation [dB] that keeps levels below the upper threshold; `largest` is one at 30 dB.
 
     The original starts at 0 dB and takes up to six periods to come to a loud signal, saturated all the while; a
     recording can be looked at first.
     """
-    largest = float(np.max(power, initial=0.0))
-    if largest <= 0:
+    if not largest:
         return 0
-    for attenuation in ATTENUATIONS_DB:
-        if level_of(10 * math.log10(largest) + gain_db - attenuation) < MORE_AT_OR_ABOVE:
-            return attenuation
-    return ATTENUATIONS_DB[-1]
+    most = ATTENUATIONS_DB[-1]
+    fits = (db for db in ATTENUATIONS_DB if largest + (most - db) / DB_PER_COUNT < MORE_AT_OR_ABOVE)
+    return next(fits, most)
 
 
 @warms

@@ -21,7 +21,16 @@ from trackerlib.receiver.carrier import (
     value_starts,
     whole_values,
 )
-from trackerlib.receiver.front_end import AUTOMATIC, GAIN_STATE, LEAST_V, SATURATION_V, Attenuator, compress
+from trackerlib.receiver.front_end import (
+    ATTENUATIONS_DB,
+    AUTOMATIC,
+    GAIN_STATE,
+    LEAST_V,
+    SATURATION_V,
+    Attenuator,
+    compress,
+    starting_attenuation,
+)
 from trackerlib.receiver.maxima import CANDIDATE, SUM_STATE, forget, judge, sum_levels
 
 MEASURED_GAIN = 19_275  # of the preamplifier, seed 5.5; volts at the compressor a volt at the input
@@ -140,6 +149,12 @@ class ReportReceiver:
             unknown,
             unknown,
         )
+
+
+def first_attenuation(sound: np.ndarray, settings: ReceiverSettings, rate_hz: float) -> int:
+    """Attenuation [dB] to start with, from the beginning of a stream (K,): a period of it, or more."""
+    chain = _Chain(replace(settings, attenuator=Attenuator(False, ATTENUATIONS_DB[-1])), rate_hz)
+    return starting_attenuation(int(np.max(chain.feed(sound), initial=0)))
 
 
 class _Chain:

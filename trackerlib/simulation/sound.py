@@ -7,8 +7,10 @@ heard over which path is worked out first (`pulses_heard`); `SimulatedSound` the
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
+import soundfile
 
 from trackerlib.acoustics.absorption import absorption_db_per_km
 from trackerlib.acoustics.ambient_noise import (
@@ -18,6 +20,7 @@ from trackerlib.acoustics.ambient_noise import (
     equivalent_noise_v,
     flow_noise_db,
 )
+from trackerlib.receiver.recording import SIMULATED
 
 PATHS = ("direct", "surface", "bottom")
 
@@ -149,8 +152,6 @@ class SimulatedSound:
     pulses : heard; density_v : noise [V per root hertz], white; full_scale_v : volts of a sample of 1
     """
 
-    simulated = True
-
     def __init__(self, pulses: Pulses, density_v: float, rate_hz: float, full_scale_v: float, seed: int):
         order = np.argsort(pulses.arrival_s)
         self._pulses = Pulses(*(getattr(pulses, f.name)[order] for f in fields(Pulses)))
@@ -182,3 +183,15 @@ class SimulatedSound:
         gate = np.clip(since + 0.5, 0, 1) * np.clip(length - since + 0.5, 0, 1)
         wave = np.cos(2 * np.pi * pulses.carrier_hz[k] * since / rate + pulses.phase[k])
         block[low - self.position : high - self.position] += self._volts * pulses.amplitude[k] * gate * wave
+
+
+def write_sound(path: str | Path, sound: SimulatedSound, seconds: float, **layout) -> None:
+    """Writes a recording that says it is SIMULATED; layout : format and subtype of soundfile, by the name if none."""
+    rate = round(sound.rate_hz)
+    with soundfile.SoundFile(path, "w", rate, channels=1, **layout) as file:
+        file.comment = SIMULATED
+        left = round(seconds * rate)
+        while left:
+            count = min(left, 10 * rate)
+            file.write(sound.read(count))
+            left -= count
