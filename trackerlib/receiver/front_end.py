@@ -18,6 +18,7 @@ SATURATION_V, LEAST_V = 8.0, 0.002  # at the compressor's input
 DYNAMIC_RANGE_DB = 20 * math.log10(SATURATION_V / LEAST_V)  # (5-10), 72 dB
 FULL_CODE = 255
 DB_PER_COUNT = DYNAMIC_RANGE_DB / FULL_CODE
+COUNTS_PER_OCTAVE = 10 * math.log10(2) / DB_PER_COUNT  # of power
 MORE_AT_OR_ABOVE, LESS_AT_OR_BELOW = 0xE8, 0x40  # largest level of a period; thresholds of the automatic gain
 
 GAIN_STATE = np.dtype([("step", np.int64), ("largest", np.int64), ("period", np.int64)])
@@ -60,19 +61,13 @@ def next_step(step, largest):
 
 
 @compiled
-def level_of(decibels):
-    """Code of a voltage that many dB above the compressor's least, (5-25) to (5-27)."""
-    return np.int64(min(max(decibels / DB_PER_COUNT + 0.5, 0.0), float(FULL_CODE)))
-
-
-@compiled
 def compress(power, first, state, automatic, gain_db, samples_per_period, levels, attenuations):
     """Writes levels (M,) uint8 and the attenuation of each (M,) [dB]; the gain is set as each period begins.
 
     power : (M,) squared envelope of values from number `first` on, full scale 1; gain_db takes full scale to dB
     above the compressor's least voltage. state : a GAIN_STATE
     """
-    boundary = np.int64(math.ceil((state.period + 1) * samples_per_period - 1e-9))
+    boundary = _period_start(state.period + 1, samples_per_period)
     largest, attenuation = state.largest, _STEPS_DB[state.step]
     for k in range(len(power)):
         if first + k >= boundary:
@@ -80,12 +75,19 @@ def compress(power, first, state, automatic, gain_db, samples_per_period, levels
                 state.step = next_step(state.step, largest)
             largest, attenuation = 0, _STEPS_DB[state.step]
             state.period += 1
-            boundary = np.int64(math.ceil((state.period + 1) * samples_per_period - 1e-9))
-        level = level_of(10 * math.log10(max(power[k], 1e-300)) + gain_db - attenuation)
+            boundary = _period_start(state.period + 1, samples_per_period)
+        counts = COUNTS_PER_OCTAVE * math.log2(max(power[k], 1e-300)) + (gain_db - attenuation) / DB_PER_COUNT
+        level = np.int64(min(max(counts + 0.5, 0.0), 255.0))  # (5-25) to (5-27), then the converter
         largest = max(largest, level)
         levels[k] = level
         attenuations[k] = attenuation
     state.largest = largest
+
+
+@compiled
+def _period_start(period, samples_per_period):
+    """First sample of a period, which may hold any number of samples, whole or not."""
+    return np.int64(math.ceil(period * samples_per_period - 1e-9))
 
 
 def starting_attenuation(largest: int) -> int:
@@ -106,4 +108,3 @@ def _warm():
     state, power = np.zeros(1, GAIN_STATE), np.full(2, 1e-6)
     levels, attenuations = np.empty(2, np.uint8), np.empty(2)
     compress(power, 0, state[0], True, 100.0, 1.0, levels, attenuations)
-    level_of(20.0)

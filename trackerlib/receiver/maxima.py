@@ -32,7 +32,7 @@ CANDIDATE = np.dtype(
         ("total", np.int64),
         ("level", np.float64),  # mean of the levels as the recorder draws them
         ("attenuation", np.float64),
-        ("verdict", np.int8),  # while a period is judged: one of those below
+        ("verdict", np.int64),  # while a period is judged: one of those below
     ]
 )
 FREE, SHADOWED, PICKED, TAKEN = 0, 1, 2, 3
