@@ -162,3 +162,17 @@ def test_settings_that_make_no_sense_are_named(setting):
 def test_a_rate_that_cannot_carry_the_carrier_is_refused():
     with pytest.raises(ValueError, match="16000 samples per second"):
         ReportReceiver(ONE, 16_000.0)
+
+
+def test_integers_are_scaled_by_their_kind():
+    sound = sound_of(pulses_at([0.3], 60), 3.0)
+    whole = np.round(sound * 2**31).astype(np.int32)
+    assert listen(whole, ONE).arrival_s == pytest.approx(listen(sound, ONE).arrival_s)
+
+
+@pytest.mark.parametrize("odd", [np.nan, np.inf])
+def test_samples_that_are_no_numbers_are_refused(odd):
+    sound = np.zeros(4800)
+    sound[100] = odd
+    with pytest.raises(ValueError, match="not finite numbers"):
+        ReportReceiver(ONE, 48_000.0).feed(sound)

@@ -89,8 +89,9 @@ class ReceiverSettings:
 class ReportReceiver:
     """A `Detector`: takes sound block by block, gives levels and the largest maxima of every period.
 
-    settings, rate_hz : what to listen for, and sound samples per second (samples within -1 to 1)
-    Raises ValueError where sound of that rate cannot carry the carrier.
+    settings, rate_hz : what to listen for, and sound samples per second (samples within -1 to 1; full scale of
+    integers becomes 1)
+    Raises ValueError where sound of that rate cannot carry the carrier, and for samples that are not finite.
     """
 
     def __init__(self, settings: ReceiverSettings, rate_hz: float):
@@ -177,6 +178,8 @@ class _Chain:
     def feed(self, samples: np.ndarray) -> np.ndarray:
         """Levels (M,) uint8 of the sample intervals that are whole now."""
         sound = np.ascontiguousarray(samples, np.float32)
+        if samples.dtype.kind == "i":
+            sound = sound * np.float32(2.0 ** (1 - 8 * samples.itemsize))
         self.sound_samples += len(sound)
         if len(self._begun):
             sound = np.concatenate([self._begun, sound])
@@ -185,7 +188,7 @@ class _Chain:
         if self.found + most // 2 + 1 > len(self.candidates):
             self._room(most + int(self._period))
         levels = np.empty(most, np.uint8)
-        count, used, self.found = _advance(
+        count, used, self.found, finite = _advance(
             sound,
             self.values,
             carrier.cosine,
@@ -203,6 +206,8 @@ class _Chain:
             self.candidates,
             self.found,
         )
+        if not finite:
+            raise ValueError("found samples that are not finite numbers, wanted sound within -1 and 1")
         self._begun = sound[used:].copy()
         self.values += count
         return levels[:count]
@@ -233,7 +238,10 @@ def _advance(
     candidates,
     found,
 ):
-    """All stages on one block; returns sample intervals done, sound samples used, candidates found."""
+    """All stages on one block; returns sample intervals done, sound samples used, candidates found, if all is finite.
+
+    What is not finite stays in the tuned stages, so that the last value tells.
+    """
     count = whole_values(first, len(sound), samples_per_value)
     starts = value_starts(first, count, samples_per_value)
     iq, power, attenuations = np.empty((count, 2), np.float32), np.empty(count), np.empty(count)
@@ -241,7 +249,7 @@ def _advance(
     tune(iq, starts, len(cosine) - 1, tuned[0], pole, power)
     compress(power, first, gain[0], automatic, gain_db, samples_per_period, levels, attenuations)
     found = sum_levels(levels[:count], attenuations, first, summed[0], ring, candidates, found)
-    return count, starts[count], found
+    return count, starts[count], found, count == 0 or np.isfinite(power[count - 1])
 
 
 @lru_cache(maxsize=64)
