@@ -21,6 +21,7 @@ from trackerlib.textfiles import InputError, write_text
 SUMMARY = "find a pinger's arrivals in a recording of sound"
 DETECTORS = ("report", "modern")
 GAINS = ("auto", *map(str, ATTENUATIONS_DB))
+LOOK_S = 60.0  # most of a recording that is looked at to set the gain
 COLUMNS = ("period", "rank", "arrival_s", "fold_s", "level", "attenuation_db", "snr_db", "sigma_s")
 
 
@@ -61,7 +62,7 @@ def run(args: argparse.Namespace) -> dict:
         raise InputError(error) from None
     with Recording(args.recording, args.channel) as recording:
         blocks = recording.blocks()
-        first = list(islice(blocks, int(settings.interval_s / BLOCK_S) + 1))
+        first = list(islice(blocks, int(min(settings.interval_s, LOOK_S) / BLOCK_S) + 1))
         try:
             detector = _detector(args, settings, recording, first)
         except ValueError as error:

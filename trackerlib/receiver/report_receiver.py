@@ -33,10 +33,11 @@ from trackerlib.receiver.front_end import (
 )
 from trackerlib.receiver.maxima import CANDIDATE, SUM_STATE, forget, judge, sum_levels
 
-MEASURED_GAIN = 19_275  # of the preamplifier, seed 5.5; volts at the compressor a volt at the input
+MEASURED_GAIN = 19_275  # of the preamplifier, (5-30): volts at the detector a volt at the input
 FULL_SCALE_V = SATURATION_V * 10 ** (30 / 20) / MEASURED_GAIN  # 13 mV: just fits at the greatest attenuation
 BANDWIDTHS_A_PULSE = 1.2  # measured: 120 Hz for 10 ms; (5-4) has 1
 MOST_MAXIMA = 100
+MOST_SAMPLES = 1_000_000  # in a period
 DELAY_PHASES = 32  # places within a sample interval over which the delay is measured
 
 NOTHING = joined(())
@@ -62,7 +63,11 @@ class ReceiverSettings:
             ("sample_interval_s", 1e-5, 0.1),
             ("pulse_s", self.sample_interval_s, 100 * self.sample_interval_s),
             ("window_s", self.sample_interval_s, 60.0),
-            ("interval_s", max(4 * self.window_s, 4 * self.pulse_s), 600.0),
+            (
+                "interval_s",
+                4 * max(self.window_s, self.pulse_s),
+                min(600.0, MOST_SAMPLES * self.sample_interval_s),
+            ),
             ("maxima", 1, MOST_MAXIMA),
             ("full_scale_v", 1e-9, 1e3),
         ):
@@ -96,9 +101,8 @@ class ReportReceiver:
 
     def __init__(self, settings: ReceiverSettings, rate_hz: float):
         self.settings, self.rate_hz = settings, rate_hz
-        self.delay_s = pulse_delay(
-            settings, rate_hz
-        )  # from leading edge to maximum; off every arrival already
+        # From a pulse's leading edge to its maximum; it is off every arrival already.
+        self.delay_s = pulse_delay(settings, rate_hz)
         self._chain = _Chain(settings, rate_hz)
         self._judged = 0  # periods
         self._window = settings.window_s / settings.sample_interval_s
