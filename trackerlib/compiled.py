@@ -65,6 +65,7 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.beacon.live",
     "trackerlib.timing.variance_components",
     "trackerlib.timing.correlated_noise",
+    "trackerlib.receiver.demodulation",
 )
 
 _warm_ups: list[Callable[[], object]] = []
