@@ -66,6 +66,7 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.timing.variance_components",
     "trackerlib.timing.correlated_noise",
     "trackerlib.receiver.demodulation",
+    "trackerlib.receiver.chains",
 )
 
 _warm_ups: list[Callable[[], object]] = []
