@@ -62,7 +62,8 @@ def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
 
     Times may carry any unknown constant (unless settings.emission_known), and any number of whole intervals if
     settings.interval_s is told. Errors of ship position (settings.gps_rms_m) and of time are weighed together,
-    and the bias that noisy ship positions give is taken out; where gps_rms_m is None all pings weigh alike.
+    and the bias that noisy ship positions give is taken out (settings.method "least-squares" leaves it in, for
+    comparison); where gps_rms_m is None all pings weigh alike.
     Either way the scale of the errors is taken from the residuals. A moving beacon's position is that at the
     first ping (3-2); `BeaconFix.at` gives others.
     """
@@ -273,10 +274,12 @@ class _Attempt:
     def _unbiased(self, candidate: _Candidate) -> np.ndarray:
         """The candidate's state (P,) without the bias that noisy ship positions give, where it can be found.
 
-        By squared ranges along straight lines that take as long as the rays do. Restricted motions and unknown
-        noise keep the state as it is.
+        By squared ranges along straight lines that take as long as the rays do. Restricted motions, unknown noise
+        and the usual least squares keep the state as it is.
         """
         problem, state = self.problem.only(candidate.keep), candidate.position
+        if self.settings.method == "least-squares":
+            return state
         problem = problem.only(np.argsort(problem.share, kind="stable"))
         if not problem.gps_rms_m or problem.emission_known or self.motion.kind not in ("still", "free"):
             return state

@@ -10,7 +10,9 @@ from trackerlib.beacon.motion import MOTIONS
 # Antenna lever arm, age of the position and the receiver's own wander, where nobody says better.
 ASSUMED_SHIP_RMS_M = 5.0
 ASSUMED_SHIP_TIME_S = 60.0
-METHODS = ("all-pings", "pairs")  # every reception; the thesis's experiments
+# Every reception; the thesis's experiments; every reception by the usual weighted least squares, which noisy ship
+# positions bias.
+METHODS = ("all-pings", "pairs", "least-squares")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,7 @@ class FixSettings:
     max_speed_mps: float = 5.0  # search region: of a beacon that moves
     motion: str = "still"  # one of MOTIONS
     interval_s: float | None = None  # of the pinger: times are known only up to whole intervals of it
-    method: str = "all-pings"  # or "pairs": the thesis's experiments
+    method: str = "all-pings"  # one of METHODS
     experiments: int | None = None  # pairs: how many; None: as many as there are
     spacing: int | None = (
         None  # pairs: receptions from the first of a pair to the second; None: the thesis's least
