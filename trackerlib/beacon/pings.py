@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
+
+
+@dataclass(frozen=True)
+class Ping:
+    """One reception, as a reader hands it on the moment it is known."""
+
+    number: int  # its stable name
+    lat_deg: float
+    lon_deg: float
+    travel_time_s: float  # one-way travel time plus any constant
+    clock_s: float  # seconds of the clock that all pings of the hunt share
+    up_m: float = 0.0  # of the hydrophone above the sea surface
+    utc: np.datetime64 = np.datetime64("NaT", "ms")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +72,39 @@ class Pings:
         """The same pings where `keep` (N,) is true, or a slice of them."""
         clock = None if self.clock_s is None else self.clock_s[keep]
         return replace(self, clock_s=clock, **{name: getattr(self, name)[keep] for name in _COLUMNS})
+
+
+class PingLog:
+    """Pings kept as they come, the newest `most` of them.
+
+    log.add(ping)
+    log.pings()
+    """
+
+    def __init__(self, source: str = "", simulated: bool = False, most: int = 1 << 17):
+        self.source, self.simulated = source, simulated
+        self.count = 0  # pings added, kept or not
+        self._rows: deque[Ping] = deque(maxlen=most)
+        self._pings: Pings | None = None
+
+    def add(self, ping: Ping) -> None:
+        """Keeps one more ping, and lets go of the oldest where there are too many."""
+        self._rows.append(ping)
+        self.count += 1
+        self._pings = None
+
+    def pings(self) -> Pings:
+        """Those kept, in the order in which they came."""
+        if self._pings is None:
+            columns = {name: [getattr(ping, name) for ping in self._rows] for name in _COLUMNS}
+            kinds = {"number": np.int64, "utc": "datetime64[ms]"}
+            self._pings = Pings(
+                **{name: np.array(column, kinds.get(name, float)) for name, column in columns.items()},
+                clock_s=np.array([ping.clock_s for ping in self._rows], float),
+                source=self.source,
+                simulated=self.simulated,
+            )
+        return self._pings
 
 
 _COLUMNS = ("number", "lat_deg", "lon_deg", "up_m", "travel_time_s", "utc")
