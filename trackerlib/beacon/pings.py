@@ -18,7 +18,7 @@ class Ping:
     travel_time_s: float  # one-way travel time plus any constant
     clock_s: float  # seconds of the clock that all pings of the hunt share
     up_m: float = 0.0  # of the hydrophone above the sea surface
-    utc: np.datetime64 = np.datetime64("NaT", "ms")
+    utc: np.datetime64 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +96,15 @@ class PingLog:
     def pings(self) -> Pings:
         """Those kept, in the order in which they came."""
         if self._pings is None:
-            columns = {name: [getattr(ping, name) for ping in self._rows] for name in _COLUMNS}
-            kinds = {"number": np.int64, "utc": "datetime64[ms]"}
+            rows = self._rows
             self._pings = Pings(
-                **{name: np.array(column, kinds.get(name, float)) for name, column in columns.items()},
-                clock_s=np.array([ping.clock_s for ping in self._rows], float),
+                number=np.array([ping.number for ping in rows], np.int64),
+                lat_deg=np.array([ping.lat_deg for ping in rows], float),
+                lon_deg=np.array([ping.lon_deg for ping in rows], float),
+                up_m=np.array([ping.up_m for ping in rows], float),
+                travel_time_s=np.array([ping.travel_time_s for ping in rows], float),
+                utc=np.array(["NaT" if ping.utc is None else ping.utc for ping in rows], "datetime64[ms]"),
+                clock_s=np.array([ping.clock_s for ping in rows], float),
                 source=self.source,
                 simulated=self.simulated,
             )
