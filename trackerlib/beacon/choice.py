@@ -16,7 +16,7 @@ from trackerlib.beacon.motion import FREE_DIRECTIONS
 from trackerlib.beacon.paths import paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
-from trackerlib.beacon.settings import FixSettings
+from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, FixSettings
 
 FOLDS = 5
 BLOCKS = 20  # stretches of the survey that are held out together, dealt to the folds in turn
@@ -45,6 +45,19 @@ def usual_models(settings: FixSettings) -> dict[str, FixSettings]:
     if settings.profile is not None:
         models["lies still, one speed of sound"] = replace(settings, motion="still", profile=None)
     return models
+
+
+def usual_estimators(settings: FixSettings) -> dict[str, FixSettings]:
+    """The same pings fixed in every way that the settings allow: estimators and models of the ship's errors."""
+    rms_m = ASSUMED_SHIP_RMS_M if settings.gps_rms_m is None else settings.gps_rms_m
+    ways = {
+        "every ping, ship's error not known": {"method": "all-pings", "gps_rms_m": None},
+        f"every ping, {rms_m:g} m independent": {"method": "all-pings", "gps_rms_m": rms_m},
+        f"usual least squares, {rms_m:g} m": {"method": "least-squares", "gps_rms_m": rms_m},
+    }
+    if not settings.emission_known and settings.motion in ("still", "free"):
+        ways[f"thesis's experiments, {rms_m:g} m"] = {"method": "pairs", "gps_rms_m": rms_m}
+    return {name: replace(settings, **changes) for name, changes in ways.items()}
 
 
 def compare_models(pings: Pings, models: dict[str, FixSettings]) -> tuple[ModelScore, ...]:
