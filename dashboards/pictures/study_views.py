@@ -7,7 +7,7 @@ from bokeh.models import ColumnDataSource, HoverTool, Span
 from bokeh.plotting import figure
 
 from dashboards.palette import COMPONENTS, ESTIMATE, SHIP
-from dashboards.pictures.beacon_map import style_legend
+from dashboards.pictures.legend import style_legend
 
 METHOD_INK = {"all-pings": ESTIMATE, "thesis": COMPONENTS[1]}
 COLUMNS = ("abscissa", "rmse", "stated", "bound", "ratio", "coverage", "low", "high", "converged")
