@@ -104,7 +104,8 @@ class BeaconTab(Tab):
             "Iterations": _fill(self.iterations.figure),
             "Estimators": self.models.panel(),
         }  # fmt: skip
-        self._beside = pn.Column(self._panes["History"], sizing_mode="stretch_both", margin=0)
+        for name, pane in self._panes.items():
+            pane.visible = name == BESIDE[0]
 
     def _make_answer(self) -> None:
         words = {"sizing_mode": "stretch_width", "margin": (6, 10)}
@@ -156,7 +157,7 @@ class BeaconTab(Tab):
         return _fill(self.map.map)
 
     def strips(self):
-        beside = pn.Column(self.beside, self._beside, sizing_mode="stretch_both", margin=0)
+        beside = pn.Column(self.beside, *self._panes.values(), sizing_mode="stretch_both", margin=0)
         return [_fill(self.residuals.figure), beside]
 
     def answer(self):
@@ -240,8 +241,11 @@ class BeaconTab(Tab):
     def _show_beside(self) -> None:
         """What was chosen to stand beside the residuals."""
         chosen, fix, session = self.beside.value, self.session.fix, self.session
-        if self._beside[0] is not self._panes[chosen]:
-            self._beside[:] = [self._panes[chosen]]
+        for (
+            name,
+            pane,
+        ) in self._panes.items():  # hidden, not taken out: what is drawn meanwhile must find its figure
+            pane.visible = name == chosen
         if fix is None or self._quiet:
             return
         if chosen == "Iterations":

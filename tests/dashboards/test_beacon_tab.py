@@ -326,7 +326,7 @@ def test_contours_stand_beside_the_residuals_when_chosen(tab):
     assert len(lines) >= 4
     assert tab.contours.figure.y_range.flipped
     tab.beside.value = "History"
-    assert tab._beside[0] is tab._panes["History"]
+    assert [name for name, pane in tab._panes.items() if pane.visible] == ["History"]
 
 
 def test_a_moving_beacon_has_contours_of_its_velocity(tab):
