@@ -32,7 +32,7 @@ class BeaconMap:
         self.fix = _points("fix", "fill")
         self.ellipse, self.hollow_ellipse = _points("ellipse"), _points("hollow ellipse")
         self.alternatives = _points("alternatives", "label")
-        self.compared = _points("compared", "label")
+        self.compared = _points("compared", "label", "below_px")
         self.compared_rings = ColumnDataSource({"xs": [], "ys": []}, name="compared rings")
         self.truth = _points("truth")
         self.drift = _points("drift")
@@ -99,7 +99,7 @@ class BeaconMap:
         self._compared = [
             fig.multi_line("xs", "ys", source=self.compared_rings, line_dash="dotdash", **ink),
             fig.scatter("x", "y", source=self.compared, size=9, fill_alpha=0, line_width=1.5, **ink),
-            fig.text("x", "y", source=self.compared, text_color=ESTIMATE, **words),
+            fig.text("x", "y", source=self.compared, y_offset="below_px", text_color=ESTIMATE, **words),
         ]
 
     def _draw_reference(self) -> None:
@@ -160,11 +160,13 @@ class BeaconMap:
         if np.nanmin(x) < x0 or np.nanmax(x) > x1 or np.nanmin(y) < y0 or np.nanmax(y) > y1:
             show_box(self.home, x, y, margin=0.5)
 
-    def show_fix(self, pings: Pings, fix: BeaconFix, moves_m: np.ndarray | None = None) -> None:
-        """The pings heard so far, coloured by what this fix leaves of them, and the fix itself.
+    def show_moves(self, moves_m: np.ndarray) -> None:
+        """How far (N,) [m] the fix shown would move without each ping."""
+        every = max(-(-len(moves_m) // MOST_DRAWN), 1)
+        self.pings.data["moves_m"] = moves_m[::every].astype("f4")
 
-        moves_m : (N,) how far the fix would move without each ping
-        """
+    def show_fix(self, pings: Pings, fix: BeaconFix) -> None:
+        """The pings heard so far, coloured by what this fix leaves of them, and the fix itself."""
         count = min(len(pings), len(fix.number))
         every = -(-count // MOST_DRAWN)
         drawn = np.arange(0, count, max(every, 1))
@@ -188,7 +190,7 @@ class BeaconMap:
             "used": np.where(used, "used", "left out"),
             "utc": np.where(np.isnat(utc), "", utc.astype(str)),
             "kind": np.where(used, "circle", "x"),
-            "moves_m": np.full(len(drawn), np.nan, "f4") if moves_m is None else moves_m[drawn].astype("f4"),
+            "moves_m": np.full(len(drawn), np.nan, "f4"),
         }
         self._show_place(fix)
         self.widen(
@@ -244,7 +246,8 @@ class BeaconMap:
         self.compared_rings.data = {axis + "s": [ring[axis] for ring in rings] for axis in ("x", "y")}
         now = [fix.present for fix in placed.values()]
         x, y = mercator([place.lat_deg for place in now], [place.lon_deg for place in now])
-        self.compared.data = {"x": x, "y": y, "label": list(placed)}
+        below = 13 * np.arange(1, len(placed) + 1)  # pixels, so that names of one place stand in a list
+        self.compared.data = {"x": x, "y": y, "label": list(placed), "below_px": below}
         self.widen(list(x), list(y))
 
     def show_bearings(self, lines: tuple) -> None:

@@ -89,7 +89,7 @@ class BeaconTab(Tab):
 
     def _make_beside(self) -> None:
         self.beside = pmui.RadioButtonGroup(
-            options=list(BESIDE), value=BESIDE[0], size="small", margin=(2, 8), button_type="default"
+            options=list(BESIDE), value=BESIDE[0], size="small", margin=(2, 8), button_type="primary"
         )
         self.beside.param.watch(lambda event: self._show_beside(), "value")
         self.across, self.up = (choice(label, {"east": "east"}, "east") for label in ("across", "up"))
@@ -218,10 +218,7 @@ class BeaconTab(Tab):
     def _show_fix(self, fix: BeaconFix) -> None:
         session = self.session
         running = session.playing or bool(session.listening)
-        heard = session.pings.only(slice(0, len(fix.number)))
-        known = fix.uncertainty is not None and fix.position is not None and not running
-        moves = influence(heard, fix, session.fix_settings) if fix.converged and not running else None
-        self.map.show_fix(session.pings, fix, moves)
+        self.map.show_fix(session.pings, fix)
         if running:
             if self.history.add(fix):
                 self.map.add_to_trail(fix)
@@ -231,16 +228,33 @@ class BeaconTab(Tab):
         self.models.clear()
         self._show_beside()
         self.sentence.object = sentence(fix)
-        self.numbers.object = table(fix, error_budget(heard, fix, session.fix_settings) if known else None)
+        self.numbers.object = table(fix)
+        if fix.converged and not running:
+            self._look_closer(fix)
         self.log.object = log_table(fix.log) if fix.log else "The live estimator and refusals keep no log."
         texts = position_texts(fix)
         for name, copy in self.copies.items():
             copy.text = texts.get(name, "")
             copy.visible = bool(texts)
 
+    def _look_closer(self, fix: BeaconFix) -> None:
+        """What each ping moves and where the sigma comes from, off the event loop."""
+        session = self.session
+        settings, heard = session.fix_settings, session.pings.only(slice(0, len(fix.number)))
+
+        def work(progress):
+            return influence(heard, fix, settings), error_budget(heard, fix, settings)
+
+        def done(found):
+            if session.fix is fix:
+                self.map.show_moves(found[0])
+                self.numbers.object = table(fix, found[1])
+
+        session.jobs.start("closer look", work, done)
+
     def _show_beside(self) -> None:
         """What was chosen to stand beside the residuals."""
-        chosen, fix, session = self.beside.value, self.session.fix, self.session
+        chosen, fix = self.beside.value, self.session.fix
         for (
             name,
             pane,
@@ -251,12 +265,21 @@ class BeaconTab(Tab):
         if chosen == "Iterations":
             self.iterations.show(fix.log)
         if chosen == "Contours" and self.across.value != self.up.value:
-            surface = None
-            if fix.converged:
-                heard = session.pings.only(slice(0, len(fix.number)))
-                names = (self.across.value, self.up.value)
-                surface = misfit_surface(heard, fix, session.fix_settings, names)
-            self.contours.show(surface)
+            self._draw_contours(fix)
+
+    def _draw_contours(self, fix: BeaconFix) -> None:
+        """Contours about a fix, off the event loop; none about a refusal."""
+        session, names = self.session, (self.across.value, self.up.value)
+        if not fix.converged:
+            self.contours.show(None)
+            return
+        settings, heard = session.fix_settings, session.pings.only(slice(0, len(fix.number)))
+
+        def done(surface):
+            if session.fix is fix:
+                self.contours.show(surface)
+
+        session.jobs.start("Contours", lambda progress: misfit_surface(heard, fix, settings, names), done)
 
     # -- what the analyst does -----------------------------------------------------------------
 

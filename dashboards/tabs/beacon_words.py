@@ -73,8 +73,8 @@ def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
             ("residuals that count as one", f"{fix.uncertainty.correlation.length:.1f}"),
         ]
     if budget is not None:
-        for name, values in asdict(budget).items():
-            rows.append((f"of depth's sigma: {name.replace('_', ' ')}", f"{values[2]:.2g} m"))
+        parts = [f"{values[2]:.2g} m {name.replace('_', ' ')}" for name, values in asdict(budget).items()]
+        rows.append(("depth's sigma is made of", ", ".join(parts)))
     if fix.sound_speed_mps is not None:
         rows.append(("mean sound speed", f"{fix.sound_speed_mps:.1f} m/s"))
     rows.append(("pings used", f"{int(fix.used.sum())} of {len(fix.used)}"))

@@ -7,6 +7,7 @@ for score in compare_models(pings, usual_models(settings)):
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def usual_models(settings: FixSettings) -> dict[str, FixSettings]:
 def usual_estimators(settings: FixSettings) -> dict[str, FixSettings]:
     """The same pings fixed in every way that the settings allow: estimators and models of the ship's errors."""
     rms_m = ASSUMED_SHIP_RMS_M if settings.gps_rms_m is None else settings.gps_rms_m
-    ways = {
+    ways: dict[str, dict[str, Any]] = {
         "every ping, ship's error not known": {"method": "all-pings", "gps_rms_m": None},
         f"every ping, {rms_m:g} m independent": {"method": "all-pings", "gps_rms_m": rms_m},
         f"usual least squares, {rms_m:g} m": {"method": "least-squares", "gps_rms_m": rms_m},
