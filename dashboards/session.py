@@ -363,7 +363,7 @@ class Session(param.Parameterized):
             document = json.loads("\n".join(decode_lines(content, name)))
             kept = {key: document[key] for key in self.SAVED if key in document}
             told = document.get("fix_settings", {})
-            told["start"] = tuple(told["start"]) if told.get("start") else None
+            told = {key: tuple(value) if isinstance(value, list) else value for key, value in told.items()}
             reasons = {int(number): str(why) for number, why in document.get("left_out", {}).items()}
             settings = replace(self.fix_settings, **told, left_out=frozenset(reasons))
             with param.parameterized.discard_events(self):

@@ -23,7 +23,7 @@ from trackerlib.beacon.diagnosis import free_coordinates, influence, misfit_surf
 from trackerlib.beacon.fix import fix_history
 from trackerlib.beacon.planning import error_budget
 from trackerlib.beacon.result import BeaconFix
-from trackerlib.commands.fix import document
+from trackerlib.commands.fix_document import document
 
 HISTORY_FIXES = 60  # fixes that "Fix history" spreads over the survey
 BESIDE = ("History", "Contours", "Iterations", "Estimators")  # what may stand beside the residuals
@@ -125,7 +125,7 @@ class BeaconTab(Tab):
             settings.estimator,
             settings.motion,
             settings.ship_errors,
-            settings.gps,
+            pn.Row(settings.gps, settings.correlation, margin=0),
             settings.water,
             settings.sound_speed,
             pn.Row(self.leg.button, self.models.button, margin=0),
@@ -136,9 +136,12 @@ class BeaconTab(Tab):
         return {
             "Edits": self.edits.controls(),
             "Replay": [self.speed, pn.Row(self.at_once, self.history_button, margin=0)],
-            "Times and sound": [
-                settings.speed_sigma, settings.sample, settings.interval, settings.emission, settings.reject,
-                settings.hydrophone,
+            "Sound and ship": [
+                settings.speed_sigma, settings.fit_speed, settings.hydrophone, *settings.antenna,
+            ],
+            "Times": [
+                settings.reject, settings.emission, settings.sample, settings.interval, settings.fit_interval,
+                settings.fit_drift,
             ],
             "Search region": [settings.max_range, settings.max_depth, settings.max_speed, self._defaults()],
             "The thesis's experiments": [settings.experiments, settings.spacing, settings.step],

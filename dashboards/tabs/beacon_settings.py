@@ -9,7 +9,7 @@ import panel_material_ui as pmui
 from dashboards.session import Session
 from dashboards.tabs.tab import choice, number
 from trackerlib.beacon.motion import MOTIONS
-from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, FixSettings
+from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
 from trackerlib.textfiles import InputError
 
 OPTIONAL = ("sample_interval_ms", "interval_s", "experiments", "spacing", "step")  # may be left empty
@@ -24,7 +24,11 @@ ESTIMATORS = {
     "usual weighted least squares": "least-squares",
     "the thesis's experiments": "pairs",
 }
-SHIP_ERRORS = {"not known": "unknown", "independent from ping to ping": "white"}
+SHIP_ERRORS = {
+    "not known": "unknown",
+    "independent from ping to ping": "white",
+    "correlated in time": "correlated",
+}
 WATER = {"rays through the profile": True, "one mean speed": False}
 
 
@@ -42,8 +46,11 @@ class FixControls:
         self.estimator = choice("Estimator", ESTIMATORS, "all-pings")
         self.motion = choice("The beacon", MOTION_NAMES, settings.motion)
         self.ship_errors = choice("Errors of the ship's position", SHIP_ERRORS, "unknown")
-        self.gps = number(
-            "Their rms, each axis (m)", ASSUMED_SHIP_RMS_M, "Standard error of each of east and north", start=0.0
+        self.gps = optional(
+            "Their rms (m)", "", "Standard error of each of east and north; or two numbers: east, north"
+        )
+        self.correlation = number(
+            "Correlation time (s)", ASSUMED_SHIP_TIME_S, "In which the correlation of the errors falls by e", start=0.001,
         )  # fmt: skip
         self.water = choice("Sound travels along", WATER, settings.profile is not None)
         self.sound_speed = number(
@@ -56,8 +63,15 @@ class FixControls:
             step=0.1,
             start=0.0,
         )
-        self.reject = pmui.Checkbox(label="Leave out false returns", value=True, margin=(0, 8))
-        self.emission = pmui.Checkbox(label="Emission time known", value=False, margin=(0, 8))
+        self.reject = check("Leave out false returns", True)
+        self.emission = check("Emission time known")
+        self.fit_speed = check("Estimate the sound speed too")
+        self.fit_interval = check("Estimate the interval too")
+        self.fit_drift = check("and its drift")
+        self.antenna = [
+            number(f"Antenna offset's sigma, {way} (m)", 0.0, tip, step=0.1, start=0.0)
+            for way, tip in (("level", "Each of forward and starboard"), ("vertical", "Of down"))
+        ]
         self._make_rest(settings)
         self.named = {
             "motion": self.motion,
@@ -68,6 +82,9 @@ class FixControls:
             "max_speed_mps": self.max_speed,
             "hydrophone_depth_m": self.hydrophone,
             "emission_known": self.emission,
+            "estimate_sound_speed": self.fit_speed,
+            "estimate_interval": self.fit_interval,
+            "estimate_interval_drift": self.fit_drift,
             "sample_interval_ms": self.sample,
             "interval_s": self.interval,
             "experiments": self.experiments,
@@ -113,10 +130,12 @@ class FixControls:
         for name, widget in self.named.items():
             widget.param.watch(lambda event, name=name: self.set(**{name: event.new}), "value")
         self.estimator.param.watch(lambda event: self._choose_estimator(event.new), "value")
-        self.ship_errors.param.watch(
-            lambda event: self.set(gps_rms_m=None if event.new == "unknown" else self.gps.value), "value"
-        )
-        self.gps.param.watch(lambda event: self.set(gps_rms_m=event.new), "value")
+        for widget in (self.ship_errors, self.gps, self.correlation):
+            widget.param.watch(lambda event: self._set_ship_errors(), "value")
+        for widget in self.antenna:
+            widget.param.watch(
+                lambda event: self.set(antenna_sigma_m=tuple(one.value for one in self.antenna)), "value"
+            )
         self.water.param.watch(lambda event: self.set(profile=self._profile if event.new else None), "value")
         self.reject.param.watch(lambda event: self.set(reject="auto" if event.new else "none"), "value")
 
@@ -134,16 +153,36 @@ class FixControls:
                     value = settings.speed_sigma_mps
                 widget.value = ("" if value is None else f"{value:g}") if name in OPTIONAL else value
             self.estimator.value = LIVE if self.session.live else settings.method
-            known = settings.gps_rms_m is not None
-            self.ship_errors.value = "white" if known else "unknown"
-            self.gps.visible = known
-            if known:
-                self.gps.value = settings.gps_rms_m
+            self._show_ship_errors(settings)
+            for widget, sigma in zip(self.antenna, settings.antenna_sigma_m, strict=True):
+                widget.value = sigma
             self.water.param.update(value=settings.profile is not None, visible=self._profile is not None)
             self.sound_speed.visible = settings.profile is None
             self.reject.value = settings.reject == "auto"
         finally:
             self._quiet = False
+
+    def _show_ship_errors(self, settings: FixSettings) -> None:
+        known, correlated = settings.gps_rms_m is not None, settings.gps_correlation_s is not None
+        self.ship_errors.value = "correlated" if correlated else "white" if known else "unknown"
+        self.gps.visible, self.correlation.visible = known, correlated
+        if known:
+            axes = settings.gps_axes_m
+            self.gps.value = f"{axes[0]:g}" if axes[0] == axes[1] else f"{axes[0]:g}, {axes[1]:g}"
+        if correlated:
+            self.correlation.value = settings.gps_correlation_s
+
+    def _set_ship_errors(self) -> None:
+        if self._quiet:
+            return
+        model = self.ship_errors.value
+        try:
+            rms = None if model == "unknown" else one_or_two(self.gps.value)
+        except InputError as error:
+            self.session.report(error)
+            self.show()
+            return
+        self.set(gps_rms_m=rms, gps_correlation_s=self.correlation.value if model == "correlated" else None)
 
     def forget_profile(self) -> None:
         """Another survey is open: a profile of the one before is none of its."""
@@ -179,6 +218,22 @@ class FixControls:
         kept = {"profile": self._profile, "left_out": self.session.fix_settings.left_out}
         defaults = {field.name: field.default for field in fields(FixSettings)}
         self.session.edit(live=False, fix_settings=FixSettings(**(defaults | kept)))
+
+
+def check(label: str, value: bool = False):
+    """A small box to tick."""
+    return pmui.Checkbox(label=label, value=value, margin=(0, 8))
+
+
+def one_or_two(text: str) -> float | tuple[float, float]:
+    """An error of both axes, or of east and of north; ASSUMED_SHIP_RMS_M where nothing was typed."""
+    try:
+        parts = [float(part) for part in text.replace(";", ",").split(",") if part.strip()]
+    except ValueError:
+        parts = [0.0] * 3
+    if len(parts) > 2:
+        raise InputError(f"found {text!r}; wanted one number, or two: east, north")
+    return (parts[0], parts[1]) if len(parts) == 2 else (parts or [ASSUMED_SHIP_RMS_M])[0]
 
 
 def optional(label: str, empty: str, tip: str):

@@ -11,7 +11,7 @@ import numpy as np
 from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.planning import ErrorBudget
 from trackerlib.beacon.result import BeaconFix
-from trackerlib.commands.fix import document
+from trackerlib.commands.fix_document import document
 from trackerlib.frames import degrees_minutes, utm
 from trackerlib.positions import degrees_minutes_seconds
 from trackerlib.rounding import value_with_sigma

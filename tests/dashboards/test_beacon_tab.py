@@ -129,8 +129,18 @@ def test_every_control_reaches_the_fix(tab):
     controls.ship_errors.value = "white"
     assert session.fix_settings.gps_rms_m == 5.0
     assert controls.gps.visible
-    controls.gps.value = 2.0
-    assert session.fix_settings.gps_rms_m == 2.0
+    controls.gps.value = "2, 3"
+    assert session.fix_settings.gps_rms_m == (2.0, 3.0)
+    controls.ship_errors.value = "correlated"
+    assert session.fix_settings.gps_correlation_s == 60.0
+    controls.gps.value = "much"
+    assert session.failed
+    assert controls.gps.value == "2, 3"
+    controls.fit_speed.value = True
+    assert session.fix_settings.estimate_sound_speed
+    controls.antenna[1].value = 0.5
+    assert session.fix_settings.antenna_sigma_m == (0.0, 0.5)
+    controls.fit_speed.value = False
     controls.ship_errors.value = "unknown"
     assert session.fix_settings.gps_rms_m is None
     controls.water.value = False
@@ -146,7 +156,7 @@ def test_every_control_reaches_the_fix(tab):
 
 
 def test_at_most_nine_controls_are_in_sight(tab):
-    for tab.settings.ship_errors.value in ("unknown", "white"):
+    for tab.settings.ship_errors.value in ("unknown", "white", "correlated"):
         shown = []
         for one in tab.controls():
             shown += list(one) if hasattr(one, "objects") else [one]
@@ -309,8 +319,8 @@ def test_estimators_and_motions_are_compared_side_by_side(tab, monkeypatch):
     for name in ("ship&#x27;s error not known", "5 m independent", "usual least squares", "experiments"):
         assert name in words
     drawn = list(tab.map.compared.data["label"])
-    assert drawn == list(usual_estimators(tab.session.fix_settings))[:3]
-    assert len(tab.map.compared_rings.data["xs"]) == 3
+    assert drawn == list(usual_estimators(tab.session.fix_settings))[:4]
+    assert len(tab.map.compared_rings.data["xs"]) == 4
     assert "no place:" in words  # false returns are too much for the thesis's experiments
     motions = tab.models.motions.object
     assert motions.index("lies still") < motions.index("moves freely")
@@ -383,7 +393,7 @@ def links(mark):
 def test_the_live_estimator_replays_beside_the_batch(tab):
     session, batch = tab.session, tab.session.fix
     tab.settings.ship_errors.value = "white"
-    tab.settings.gps.value = 1.0
+    tab.settings.gps.value = "1"
     batch = session.fix
     tab.settings.estimator.value = "live"
     assert session.live
