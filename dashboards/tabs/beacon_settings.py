@@ -50,8 +50,8 @@ class FixControls:
             "Their rms (m)", "", "Standard error of each of east and north; or two numbers: east, north"
         )
         self.correlation = number(
-            "Correlation time (s)", ASSUMED_SHIP_TIME_S, "In which the correlation of the errors falls by e", start=0.001,
-        )  # fmt: skip
+            "Correlation time (s)", ASSUMED_SHIP_TIME_S, "In which their correlation falls by e", start=0.001
+        )
         self.water = choice("Sound travels along", WATER, settings.profile is not None)
         self.sound_speed = number(
             "Sound speed (m/s)", settings.sound_speed_mps, "Mean speed of sound, 1500 unless told"

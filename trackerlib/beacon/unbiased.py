@@ -12,7 +12,8 @@ import numpy as np
 
 from trackerlib.beacon.attempt import Attempt, Candidate
 from trackerlib.beacon.minimise import Misfit, Problem
-from trackerlib.beacon.squared_range import NEIGHBOURS, _smooth, fix_squared_range
+from trackerlib.beacon.neighbours import smooth_track
+from trackerlib.beacon.squared_range import NEIGHBOURS, fix_squared_range
 
 NEIGHBOUR_SHARE = 0.1  # of the slant range: farther than this, neighbours say little of the ship's place
 NO_BIAS = 0.1  # of a standard error, in any direction: least squares is kept, which wastes nothing
@@ -33,7 +34,8 @@ class Unbiased:
 def unbiased(attempt: Attempt, candidate: Candidate) -> Unbiased:
     """The candidate's state without the bias that noisy ship positions give, where it matters and can be found.
 
-    The usual least squares, unknown noise, a bias below NO_BIAS and equations that come to rest nowhere keep the state as it is.
+    The usual least squares, unknown noise, a bias below NO_BIAS and equations that come to rest nowhere keep the
+    state as it is.
     """
     problem, state = attempt.problem.only(candidate.keep), candidate.position
     order = np.argsort(problem.share, kind="stable")
@@ -113,7 +115,7 @@ def _by_instruments(
     attempt: Attempt, problem: Problem, state: np.ndarray, misfit: Misfit, scale: float, neighbours: int
 ) -> Unbiased | None:
     """By the same equations for any motion and any linear unknowns; None where they come to rest nowhere."""
-    smooth = _smooth(np.ascontiguousarray(problem.ship), problem.share, neighbours)
+    smooth = smooth_track(np.ascontiguousarray(problem.ship), problem.share, neighbours)
     beside = replace(problem, ship=np.column_stack([smooth, problem.ship[:, 2]]))
     noise = np.append((scale * problem.gps_rms_m) ** 2, (scale * problem.time_sigma_s) ** 2)
     linear, still = misfit.linear[0], np.zeros(len(problem.axes))
