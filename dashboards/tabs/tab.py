@@ -74,8 +74,8 @@ class Tab(Viewer):
         """Widgets at the left, at most nine."""
         return []
 
-    def more(self) -> list:
-        """Further widgets, folded away."""
+    def more(self) -> list | dict[str, list]:
+        """Further widgets, folded away; as a dict, in sections with these titles."""
         return []
 
     def picture(self):
@@ -129,9 +129,10 @@ class Tab(Viewer):
     def _build(self):
         left = [*self.controls()]
         if folded := self.more():
+            sections = folded if isinstance(folded, dict) else {"More": folded}
             left.append(
                 pmui.Accordion(
-                    ("More", pn.Column(*folded, margin=0)),
+                    *((title, pn.Column(*widgets, margin=0)) for title, widgets in sections.items()),
                     margin=(4, 0),
                     sizing_mode="stretch_width",
                     sx=FOLDED,

@@ -7,6 +7,7 @@ for score in compare_models(pings, usual_models(settings)):
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from trackerlib.beacon.motion import FREE_DIRECTIONS
 from trackerlib.beacon.paths import paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
-from trackerlib.beacon.settings import FixSettings
+from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
 
 FOLDS = 5
 BLOCKS = 20  # stretches of the survey that are held out together, dealt to the folds in turn
@@ -44,7 +45,37 @@ def usual_models(settings: FixSettings) -> dict[str, FixSettings]:
     }
     if settings.profile is not None:
         models["lies still, one speed of sound"] = replace(settings, motion="still", profile=None)
+    if settings.speed_sigma_mps and settings.method == "all-pings":
+        models["lies still, speed of sound fitted"] = replace(
+            settings, motion="still", estimate_sound_speed=True
+        )
     return models
+
+
+def usual_estimators(settings: FixSettings) -> dict[str, FixSettings]:
+    """The same pings fixed in every way that the settings allow: estimators and models of the ship's errors."""
+    rms_m = settings.ship_rms_m or ASSUMED_SHIP_RMS_M
+    told = settings.gps_rms_m or rms_m
+    correlation_s = settings.gps_correlation_s or ASSUMED_SHIP_TIME_S
+    independent: dict[str, Any] = {"gps_rms_m": told, "gps_correlation_s": None}
+    ways: dict[str, dict[str, Any]] = {
+        "every ping, ship's error not known": {"gps_rms_m": None, "gps_correlation_s": None},
+        f"every ping, {rms_m:.3g} m independent": independent,
+        f"every ping, {rms_m:.3g} m over {correlation_s:g} s": independent
+        | {"gps_correlation_s": correlation_s},
+        f"usual least squares, {rms_m:.3g} m": independent | {"method": "least-squares"},
+    }
+    if not settings.emission_known and settings.motion in ("still", "free"):
+        ways[f"thesis's experiments, {rms_m:.3g} m"] = {
+            "method": "pairs",
+            "gps_rms_m": rms_m,
+            "gps_correlation_s": None,
+            "estimate_sound_speed": False,
+            "estimate_interval": False,
+            "estimate_interval_drift": False,
+            "antenna_sigma_m": (0.0, 0.0),
+        }
+    return {name: replace(settings, **({"method": "all-pings"} | changes)) for name, changes in ways.items()}
 
 
 def compare_models(pings: Pings, models: dict[str, FixSettings]) -> tuple[ModelScore, ...]:
@@ -91,7 +122,7 @@ def compare_models(pings: Pings, models: dict[str, FixSettings]) -> tuple[ModelS
 
 
 def _parameters(settings: FixSettings) -> int:
-    return len(FREE_DIRECTIONS[settings.motion]) + (0 if settings.emission_known else 1)
+    return len(FREE_DIRECTIONS[settings.motion]) + settings.linear_unknowns
 
 
 def _held_out(pings: Pings, settings: FixSettings, scored: np.ndarray) -> float:
@@ -108,10 +139,21 @@ def _held_out(pings: Pings, settings: FixSettings, scored: np.ndarray) -> float:
         velocity = np.zeros(3) if fix.velocity is None else fix.velocity
         place = fix.position + fix.elapsed_s[rows, None] * velocity
         paths = paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m)
-        time = paths.times(place[None], fix.ship[rows])[0][0]
-        miss = pings.travel_time_s[rows] - time - fix.emission_offset_s
+        told_mps = paths.mean_speed(max(-float(fix.position[2]), 0.0))
+        time = paths.times(place[None], fix.ship[rows])[0][0] * told_mps / fix.sound_speed_mps
+        miss = pings.travel_time_s[rows] - time - _emitted(fix, settings, rows)
         if settings.interval_s:
             miss = miss - settings.interval_s * np.rint(miss / settings.interval_s)
         squares += float(np.nansum(miss**2))
         count += int(np.isfinite(miss).sum())
     return float(np.sqrt(squares / max(count, 1)))
+
+
+def _emitted(fix: BeaconFix, settings: FixSettings, rows: np.ndarray) -> np.ndarray:
+    """What the pinger's clock adds to the times of some pings, but for whole intervals."""
+    emission = fix.emission
+    if emission is None or emission.interval_s is None:
+        return np.full(len(rows), fix.emission_offset_s)
+    count = (fix.elapsed_s[rows] - fix.elapsed_s[fix.used][0]) / settings.interval_s
+    drift = (emission.drift_ppm_per_hour or 0.0) * 1e-6 * settings.interval_s**2 / 3600
+    return emission.offset_s + count * (emission.interval_s - settings.interval_s) + count**2 / 2 * drift

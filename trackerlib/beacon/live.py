@@ -54,6 +54,14 @@ class LiveFix:
             raise ValueError("a live fix is for every ping and a motion still or free")
         if settings.emission_known or settings.interval_s is not None:
             raise ValueError("a live fix is for an unknown emission time and times that are not folded")
+        if (
+            settings.estimate_sound_speed
+            or settings.gps_correlation_s is not None
+            or any(settings.antenna_sigma_m)
+        ):
+            raise ValueError(
+                "a live fix is for a known speed of sound and ship errors independent from ping to ping"
+            )
         self.frame, self.settings = frame, settings
         self.count = 0
         self.reason: str | None = "no ping yet"
@@ -184,7 +192,7 @@ class LiveFix:
 
     def _variances(self) -> tuple[float, float]:
         """Variances [m^2] of a ship position (each axis) and of a range, before scaling to the residuals."""
-        return (self.settings.gps_rms_m or 0.0) ** 2, (self._speed_mps * self._time_sigma_s) ** 2
+        return (self.settings.ship_rms_m or 0.0) ** 2, (self._speed_mps * self._time_sigma_s) ** 2
 
     def _solve(self) -> None:
         theta = self._theta.copy()
@@ -206,12 +214,9 @@ class LiveFix:
         """The fix of all pings so far, or the reason why there is none."""
         kept = min(self.count, KEPT)
         if self._theta is None:
-            if self._first is not None and not self._first.converged:
-                return self._first
-            blank = fix_beacon(self._as_pings(kept), self.settings)
-            return replace(
-                blank, reason=f"{self.count} pings; {blank.reason or 'not yet tried'}", converged=False
-            )
+            if self._first is not None:
+                return replace(self._first, converged=False, reason=self.reason)
+            return fix_beacon(self._as_pings(kept), self.settings)  # fewer than a first try needs
         theta, sums = self._theta.copy(), self._sums.copy()
         gps, time = self._variances()
         _absorb(  # the last pings, whose neighbours after them have not come yet
