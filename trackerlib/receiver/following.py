@@ -15,10 +15,12 @@ import numpy as np
 
 from trackerlib.receiver.arrivals import Arrivals
 from trackerlib.receiver.echoes import direct
+from trackerlib.receiver.front_end import DB_PER_COUNT
 from trackerlib.receiver.intervals import IntervalTracker
 
 WITHIN = 0.01  # of the interval told: a ship at 5 m/s changes it by a third of that
 JITTER_S = 1e-3
+FAINTER_DB = 9.0  # than the strongest of its period, and an arrival is an echo by way of the bottom, or noise
 LOST = 8  # intervals without a ping, after which another train may be the same pinger on another course
 
 
@@ -55,7 +57,7 @@ class PingFollower:
 
     def feed(self, arrivals: Arrivals) -> list[FollowedPing]:
         """The pings that became known with these arrivals, in order; those of a period belong together."""
-        loud = arrivals.level >= self.threshold
+        loud = (arrivals.level >= self.threshold) & (arrivals.level > _strongest(arrivals) - FAINTER_DB / DB_PER_COUNT)
         times = np.sort(arrivals.arrival_s[loud][direct(_rows(arrivals, loud))])
         if self._times:
             times = times[times >= self._times[-1]]
@@ -84,6 +86,14 @@ class PingFollower:
         if self._last is None or self._train not in self._tracker.interval_s:
             return True
         return self._times[-1] - self._last.arrival_s > LOST * self.interval_s
+
+
+def _strongest(arrivals: Arrivals) -> np.ndarray:
+    """Level (N,) of the strongest arrival of each arrival's period."""
+    periods, row = np.unique(arrivals.period, return_inverse=True)
+    strongest = np.zeros(len(periods))
+    np.maximum.at(strongest, row, arrivals.level)
+    return strongest[row]
 
 
 def _rows(arrivals: Arrivals, keep: np.ndarray) -> Arrivals:

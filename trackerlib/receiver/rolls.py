@@ -31,6 +31,7 @@ from trackerlib.receiver.chart import (
 from trackerlib.receiver.front_end import DB_PER_COUNT
 
 NO_FIXES = NavigationFixes(*[np.empty(0)] * 4)
+NEAR_S = 60.0  # positions farther than this from an instant say nothing of it
 MOST_PARTS = 32  # pieces of arrivals kept apart before they are put together
 
 
@@ -97,7 +98,13 @@ class Roll:
         if len(self.fixes.time_s) < 2:
             nothing = np.full(len(np.atleast_1d(time_s)), np.nan)
             return nothing, nothing
-        ship = ship_at_receptions(self.fixes, np.atleast_1d(time_s))
+        time_s = np.atleast_1d(time_s)
+        if not len(time_s):
+            return time_s, time_s
+        fixes = self.fixes
+        near = (fixes.time_s > time_s.min() - NEAR_S) & (fixes.time_s < time_s.max() + NEAR_S)
+        columns = (fixes.time_s, fixes.lat_deg, fixes.lon_deg, fixes.hdop)
+        ship = ship_at_receptions(NavigationFixes(*(column[near] for column in columns)), time_s)
         return ship.lat_deg, ship.lon_deg
 
     def lines(self, settings: ChartSettings, first: int, stop: int, threshold: float = 0.0) -> np.ndarray:
