@@ -73,7 +73,7 @@ class LineStrip:
 
     def clear(self) -> None:
         """Nothing beside the paper."""
-        self.source.data = {name: [] for name in COLUMNS}
+        self.source.data = {name: np.empty(0) for name in COLUMNS}
 
     def add(self, first: int, values: LineValues) -> None:
         """Values of the next lines, the first of which has that number."""

@@ -14,7 +14,7 @@ from dashboards.pictures.legend import legend_entry, style_legend
 STRIP = 50  # lines a strip; cost a line does not depend on how many strips there are
 LOOKS = {"paper": paper_colours(), "grey": list(reversed(Greys256)), "colour": list(Cividis256)}
 LEAST_SHOWN = 60  # lines that the paper is high at least
-ARRIVAL_COLUMNS = ("x", "line", "ms", "level", "snr_db", "time_s")
+ARRIVAL_COLUMNS = ("x", "y", "line", "ms", "level", "snr_db", "time_s")
 
 # The line under the pointer, looked up in the values beside the paper: all in the browser.
 _POINT = """
@@ -84,7 +84,7 @@ class WetPaper:
         lost = {"marker": "x", "size": 9, "line_width": 2, "color": SECOND_ARRAY}
         marked = {"marker": "square", "size": 7, "fill_alpha": 0, "line_color": ESTIMATE, "line_width": 1.5}
         dots = fig.scatter(
-            "x", "line", source=self.arrivals, nonselection_line_alpha=0.55, nonselection_fill_alpha=0, **faint
+            "x", "y", source=self.arrivals, nonselection_line_alpha=0.55, nonselection_fill_alpha=0, **faint
         )
         crosses = fig.scatter("x", "y", source=self.marks, **lost)
         squares = fig.scatter("x", "y", source=self.chosen, **marked)
@@ -99,7 +99,7 @@ class WetPaper:
         style_legend(fig)
         tips = [("ping", "@number"), ("", "left out of the fix")]
         heard = [
-            ("line", "@line{0}"),
+            ("line", "@line"),
             ("arrival", "@ms{0.0} ms"),
             ("level", "@level{0} of 255"),
             ("signal over noise", "@snr_db{0.0} dB"),
@@ -118,6 +118,12 @@ class WetPaper:
         """Paper, grey or colour; the contrast darkens marks and grain alike."""
         self.colours.update(palette=LOOKS[name], low=0, high=float(255 / contrast))
 
+    def keep(self, history: int) -> None:
+        """Another number of lines kept, on bare paper: `clear` it and add them again."""
+        self.history, self.strips = history, -(-history // STRIP) + 1
+        self._paper = np.zeros((self.strips, STRIP, self.columns), np.uint8)
+        self._top = [0.0] * self.strips
+
     def clear(self, interval_s: float, first: int = 0) -> None:
         """Empty paper of that many seconds across, whose next line has the number `first`."""
         self.first = self.count = first
@@ -134,7 +140,7 @@ class WetPaper:
             "y": list(self._top),
             "dw": [float(interval_s)] * self.strips,
         }
-        self.arrivals.data = {name: [] for name in ARRIVAL_COLUMNS}
+        self.arrivals.data = {name: np.empty(0) for name in ARRIVAL_COLUMNS}
         self.rule.data = {"y": []}
         self._follow()
 

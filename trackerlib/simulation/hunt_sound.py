@@ -48,6 +48,7 @@ class HuntSound:
     pinger: Pinger
     sound_speed_mps: float
     gps_rms_m: float
+    hydrophone_depth_m: float
     name: str
 
     def open(self) -> SimulatedSound:
@@ -99,6 +100,7 @@ def simulate_hunt_sound(
         pinger,
         sea.sound_speed_mps,
         gps_rms_m,
+        HYDROPHONE_M,
         f"simulated hunt {seed}, sea state {sea_state:g}",
     )
 
