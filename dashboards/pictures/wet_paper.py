@@ -14,7 +14,7 @@ from dashboards.pictures.legend import legend_entry, style_legend
 STRIP = 50  # lines a strip; cost a line does not depend on how many strips there are
 LOOKS = {"paper": paper_colours(), "grey": list(reversed(Greys256)), "colour": list(Cividis256)}
 LEAST_SHOWN = 60  # lines that the paper is high at least
-ARRIVAL_COLUMNS = ("x", "y", "line", "ms", "level", "snr_db", "time_s")
+ARRIVAL_COLUMNS = ("x", "y", "line", "ms", "level", "snr_db", "row")
 
 # The line under the pointer, looked up in the values beside the paper: all in the browser.
 _POINT = """

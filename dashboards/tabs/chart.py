@@ -41,6 +41,7 @@ from panel_splitjs import Split
 from trackerlib.beacon.pings import Pings
 from trackerlib.exports.paper_print import PaperPrint
 from trackerlib.receiver.chart import left_edge
+from trackerlib.receiver.following import PingFollower
 from trackerlib.receiver.hyperbola import Marks
 from trackerlib.receiver.rolls import PingRoll, Roll
 from trackerlib.textfiles import InputError
@@ -255,7 +256,7 @@ class ChartTab(Tab):
                 "ms": 1e3 * folded,
                 "level": arrivals.level[rows],
                 "snr_db": arrivals.snr_db[rows],
-                "time_s": arrivals.arrival_s[rows],
+                "row": rows,
             }
         )
 
@@ -610,12 +611,10 @@ class ChartTab(Tab):
 
     def _dragged(self) -> None:
         source = self.paper.arrivals
-        chosen = list(source.selected.indices)
-        if chosen:
+        chosen = [k for k in source.selected.indices if k < len(source.data["row"])]
+        if chosen and self.roll is not None:
             source.selected.indices = []
-            self.marks.add(
-                (int(source.data["line"][k]), float(source.data["x"][k])) for k in chosen if k < len(source.data["x"])
-            )
+            self.marks.choose(self.roll, self.settings, np.asarray(source.data["row"])[chosen])
 
     def _fit(self) -> None:
         if self.roll is None:
@@ -650,7 +649,7 @@ class ChartTab(Tab):
         return settings
 
     def _accept(self) -> None:
-        """The marked trace, or the longest train, as pings of the beacon fix."""
+        """The marked trace, or without marks the pinger followed through all arrivals, as pings of the beacon fix."""
         if self.roll is None:
             raise InputError("there is no trace yet")
         if isinstance(self.roll, PingRoll):
@@ -664,9 +663,14 @@ class ChartTab(Tab):
             travel_s = Marks(line, fold_s, sigma, nowhere, nowhere, interval_s).unfolded_s()
             emission = line
         else:
-            train, loud = self.marks.train(self.roll, self.settings, self.threshold), self.roll.arrivals
-            rows = np.flatnonzero(loud.level >= self.threshold)[train.rows]
-            emission, time_s = train.emission, loud.arrival_s[rows]
+            followed = PingFollower(interval_s, self.threshold).feed(self.roll.arrivals)
+            if not followed:
+                raise InputError(
+                    f"no pings at about {interval_s:g} s can be followed through these arrivals; straighten the interval, "
+                    "change the threshold, or mark the trace"
+                )
+            emission = np.array([ping.emission for ping in followed])
+            time_s = np.array([ping.arrival_s for ping in followed])
             travel_s = time_s - emission * interval_s
         lat, lon = self.roll.ship(time_s)
         known = np.isfinite(lat)

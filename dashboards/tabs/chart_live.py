@@ -20,6 +20,7 @@ from trackerlib.live.receiver_session import ReceiverSession, SessionStatus, Wal
 from trackerlib.live.receiver_poller import ReceiverSettings
 from trackerlib.live.session_file import SessionFile
 from trackerlib.receiver.following import FollowedPing, PingFollower
+from trackerlib.receiver.recording import SIMULATED
 from trackerlib.receiver.rolls import NO_FIXES, MarkRoll
 from trackerlib.simulation.beacon_levels import SimulatedHunt
 from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS
@@ -128,6 +129,7 @@ class LiveReceiver:
         self.receiver = ReceiverSession(port, settings, file, raw_log, WallClock(rate))
         self._followed, self._queue, self._fixes = None, None, []
         self._new_roll()
+        self._label_file()
         self.receiver.start()
         if not mine:
             self.receiver.type(b"#PTR H")  # an emulator says there that it is one
@@ -145,6 +147,11 @@ class LiveReceiver:
         now = datetime.now(UTC).strftime("%Y-%m-%dT%H%M%S")
         self.file = path / f"{label}{now}.session"
         return SessionFile(self.file), RawLog(path, f"{label}sail")
+
+    def _label_file(self) -> None:
+        """Says in the session file that what it holds is simulated."""
+        if self._simulated and self.receiver.file is not None:
+            self.receiver.file.add_event(time.time(), f"{SIMULATED}: an emulated receiver")
 
     def disconnect(self) -> None:
         """Stops polling; what was heard stays."""
@@ -194,6 +201,7 @@ class LiveReceiver:
         self.said = (self.said + said)[-20_000:]
         if b"SIMULATED" in said and not self._simulated:
             self._simulated = self.roll.simulated = True
+            self._label_file()
         news = self.receiver.poll()
         begun = bool(news.periods) and (self._followed is None or news.run != self._followed.run)
         if begun:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dashboards.session import Session
 from trackerlib.receiver.chart import ChartSettings
+from trackerlib.receiver.following import ping_rows
 from trackerlib.receiver.hyperbola import Marks, Pass, fit_pass, straighten
 from trackerlib.receiver.intervals import Train, separate
 from trackerlib.receiver.rolls import PingRoll, Roll
@@ -52,6 +55,13 @@ class TraceMarks:
         kept = dict(self.marks) | dict(marks)
         self.session.edit(chart_marks=tuple(sorted(kept.items())))
 
+    def choose(self, roll: Roll, settings: ChartSettings, rows) -> None:
+        """Marks arrivals (rows of the roll), of each line the strongest."""
+        line, folded = roll.where(settings)
+        rows = np.asarray(rows, int)
+        rows = rows[np.argsort(roll.arrivals.level[rows], kind="stable")]
+        self.add((int(line[row]), float(folded[row])) for row in rows)
+
     def clear(self) -> None:
         """No marks."""
         if self.marks:
@@ -91,18 +101,18 @@ class TraceMarks:
 
     @staticmethod
     def train(roll: Roll, settings: ChartSettings, threshold: float) -> Train:
-        """The longest train of arrivals about the fold interval. Raises ValueError where there is none."""
-        loud = roll.arrivals.level >= threshold
+        """The longest train of arrivals about the fold interval; its rows are the roll's. Raises ValueError where there is none."""
+        rows = ping_rows(roll.arrivals, threshold)
         shortest, longest = (settings.interval_s * (1 + off) for off in (-STRAIGHTEN_WITHIN, STRAIGHTEN_WITHIN))
         trains = separate(
-            roll.arrivals.arrival_s[loud], (shortest, longest), min(1e-3, settings.interval_s / 20)
+            roll.arrivals.arrival_s[rows], (shortest, longest), min(1e-3, settings.interval_s / 20)
         )
         if not trains:
             raise ValueError(
                 f"no train of arrivals within {100 * STRAIGHTEN_WITHIN:g} % of {settings.interval_s:g} s was found; "
                 "lower the threshold, or mark the trace"
             )
-        return trains[0]
+        return replace(trains[0], rows=rows[trains[0].rows])
 
     def fit(
         self,

@@ -12,7 +12,7 @@ from dashboards.jobs import Progress
 from trackerlib.live.hunt import hunt_of
 from trackerlib.live.session_file import read_session
 from trackerlib.receiver.detectors import hear
-from trackerlib.receiver.recording import BLOCK_S, Recording
+from trackerlib.receiver.recording import BLOCK_S, SIMULATED, Recording
 from trackerlib.receiver.report_receiver import ReceiverSettings
 from trackerlib.receiver.rolls import MarkRoll, SoundRoll
 from trackerlib.simulation.hunt_sound import HuntSound, simulate_hunt_sound
@@ -113,7 +113,7 @@ def stored_hunt(path: Path, name: str) -> tuple[MarkRoll, dict]:
     """What a stored session of a receiver holds, and its settings. Raises InputError."""
     recorded = read_session(path)
     arrivals, fixes = hunt_of(recorded)
-    roll = MarkRoll(name, bool(recorded.settings.get("simulated")))
+    roll = MarkRoll(name, any(SIMULATED in words for _, words in recorded.events))
     roll.fixes = fixes
     run = max(recorded.runs, key=lambda number: len(recorded.runs[number])) if recorded.runs else None
     until = 0.0

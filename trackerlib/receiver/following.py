@@ -9,7 +9,7 @@ spaced arrivals is never a ping.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -57,8 +57,7 @@ class PingFollower:
 
     def feed(self, arrivals: Arrivals) -> list[FollowedPing]:
         """The pings that became known with these arrivals, in order; those of a period belong together."""
-        loud = (arrivals.level >= self.threshold) & (arrivals.level > _strongest(arrivals) - FAINTER_DB / DB_PER_COUNT)
-        times = np.sort(arrivals.arrival_s[loud][direct(_rows(arrivals, loud))])
+        times = np.sort(arrivals.arrival_s[ping_rows(arrivals, self.threshold)])
         if self._times:
             times = times[times >= self._times[-1]]
         self._times += times.tolist()
@@ -88,21 +87,14 @@ class PingFollower:
         return self._times[-1] - self._last.arrival_s > LOST * self.interval_s
 
 
-def _strongest(arrivals: Arrivals) -> np.ndarray:
-    """Level (N,) of the strongest arrival of each arrival's period."""
+def ping_rows(arrivals: Arrivals, threshold: float = 0.0) -> np.ndarray:
+    """Rows of the arrivals that may be pings: loud enough, not far below their period's strongest, and no echoes."""
+    if not len(arrivals):
+        return np.empty(0, int)
     periods, row = np.unique(arrivals.period, return_inverse=True)
     strongest = np.zeros(len(periods))
     np.maximum.at(strongest, row, arrivals.level)
-    return strongest[row]
-
-
-def _rows(arrivals: Arrivals, keep: np.ndarray) -> Arrivals:
-    return Arrivals(
-        arrivals.period[keep],
-        arrivals.rank[keep],
-        arrivals.arrival_s[keep],
-        arrivals.level[keep],
-        arrivals.attenuation_db[keep],
-        arrivals.snr_db[keep],
-        arrivals.sigma_s[keep],
-    )
+    loud = (arrivals.level >= threshold) & (arrivals.level > strongest[row] - FAINTER_DB / DB_PER_COUNT)
+    rows = np.flatnonzero(loud)
+    kept = Arrivals(*(getattr(arrivals, each.name)[rows] for each in fields(Arrivals)))
+    return rows[direct(kept)]
