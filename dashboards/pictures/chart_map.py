@@ -14,6 +14,7 @@ from trackerlib.beacon.result import BeaconFix
 
 POINTED = {"marker": "circle", "size": 11, "fill_color": SECOND_ARRAY, "line_color": SECOND_ARRAY}
 STRONG = {"size": 9, "line_color": ESTIMATE, "line_width": 2, "fill_color": ESTIMATE}
+REACH_M = 50_000.0  # from the ship, beyond which a thing is of another hunt
 LARGEST_DRAWN_M = 20_000.0
 
 
@@ -45,10 +46,8 @@ class ChartMap:
             fig, "truth (simulated)", [truth], visible=False, marker="diamond", size=12, color=TRUTH
         )
         style_legend(fig)
-        fig.legend.label_text_font_size = "10px"
         for axis in (*fig.xaxis, *fig.yaxis):
             axis.ticker.desired_num_ticks = 3
-            axis.major_label_text_font_size = "10px"
         fig.min_border = 2
 
     def show(self, fix: BeaconFix | None, truth: dict | None, lines: tuple) -> None:
@@ -71,10 +70,14 @@ class ChartMap:
     def frame(self) -> None:
         """Holds ship, lines and truth in the home box."""
         x, y = self.bearings.points()
-        track = (np.asarray(self.beside.data[name], float) for name in ("ship_x", "ship_y"))
-        x, y = (
-            np.array([*path, *more, *self.truth.data[name]], float)
-            for path, more, name in zip(track, (x, y), ("x", "y"), strict=True)
-        )
-        if np.isfinite(x).any():
-            show_box(self.home, x, y)
+        track = np.array([self.beside.data[name] for name in ("ship_x", "ship_y")], float)
+        track = track[:, np.isfinite(track[0])]
+        others = np.array(
+            [[*more, *self.truth.data[name]] for more, name in ((x, "x"), (y, "y"))], float
+        )  # fmt: skip
+        if track.size:  # what belongs to another hunt must not shrink this one to a dot
+            near = np.abs(others - np.median(track, axis=1)[:, None]).max(axis=0, initial=0) < REACH_M
+            others = others[:, near]
+        points = np.concatenate([track, others], axis=1)
+        if points.size:
+            show_box(self.home, *points)

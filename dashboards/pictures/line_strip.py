@@ -34,12 +34,10 @@ class LineStrip:
         )
         fig.extra_x_ranges = {"db": Range1d(0, 80)}
         fig.add_layout(
-            LinearAxis(x_range_name="db", axis_label="signal/noise, attenuation (dB)"), "above"
+            LinearAxis(x_range_name="db", axis_label="signal/noise, attenuation (dB)"), "below"
         )  # fmt: skip
         for axis in fig.xaxis:
             axis.ticker.desired_num_ticks = 4
-            axis.axis_label_text_font_size = axis.major_label_text_font_size = "10px"
-            axis.axis_label_standoff = 2
         fig.yaxis.visible = False
         fig.ygrid.visible = False
         self._draw()
@@ -47,7 +45,7 @@ class LineStrip:
     def _draw(self) -> None:
         fig, source = self.figure, self.source
         looks = {
-            "level": ("level", {"line_color": INK, "line_width": 1.5}),
+            "level": ("level", {"line_color": INK}),
             "noise": ("noise", {"line_color": REJECTED, "line_dash": "dotted"}),
             "snr_db": ("signal to noise", {"line_color": FIRST_ARRAY}),
             "attenuation_db": ("attenuation", {"line_color": SECOND_ARRAY, "line_dash": "dashed"}),
@@ -83,9 +81,9 @@ class LineStrip:
             {
                 "line": line,
                 "y": line + 0.5,
-                "level": values.level,
+                "level": np.where(values.missed, np.nan, values.level),
                 "noise": values.noise,
-                "snr_db": values.snr_db,
+                "snr_db": np.where(values.missed, np.nan, values.snr_db),
                 "attenuation_db": values.attenuation_db,
                 "missed_x": np.where(values.missed, 8.0, np.nan),
                 "ship_x": x,

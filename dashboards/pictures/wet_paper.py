@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from bokeh.events import MouseMove
-from bokeh.models import ColumnDataSource, CustomJS, HoverTool, LinearColorMapper, Range1d
+from bokeh.models import ColumnDataSource, CustomJS, HoverTool, Legend, LinearColorMapper, Range1d
 from bokeh.palettes import Cividis256, Greys256
 from bokeh.plotting import figure
 
@@ -38,7 +38,7 @@ class WetPaper:
         self._paper = np.zeros((self.strips, STRIP, columns), np.uint8)
         self._top = [0.0] * self.strips
         self._dirty: dict[int, int] = {}  # strip -> first line to send, -1 for all of it
-        self.source = ColumnDataSource({"image": [], "y": [], "dw": []}, name="wet paper")
+        self.source = ColumnDataSource({"image": [], "y": [], "dw": []}, name="paper strips")
         self.marks = ColumnDataSource({"x": [], "y": [], "number": [], "used": []}, name="marks")
         self.arrivals = ColumnDataSource({name: [] for name in ARRIVAL_COLUMNS}, name="arrivals")
         self.chosen = ColumnDataSource({"x": [], "y": []}, name="chosen marks")
@@ -80,17 +80,19 @@ class WetPaper:
 
     def _draw_marks(self) -> None:
         fig = self.figure
-        faint = {"size": 5, "fill_alpha": 0, "line_color": FIRST_ARRAY, "line_alpha": 0.55}
+        ring = {"size": 9, "fill_alpha": 0, "line_color": FIRST_ARRAY, "line_width": 2}
         lost = {"marker": "x", "size": 9, "line_width": 2, "color": SECOND_ARRAY}
-        marked = {"marker": "square", "size": 7, "fill_alpha": 0, "line_color": ESTIMATE, "line_width": 1.5}
+        marked = {"marker": "square", "size": 4, "fill_alpha": 0, "line_color": ESTIMATE, "line_width": 1}
+        # Not seen on the paper, but there to be pointed at and dragged over.
         dots = fig.scatter(
-            "x", "y", source=self.arrivals, nonselection_line_alpha=0.55, nonselection_fill_alpha=0, **faint
-        )
+            "x", "y", source=self.arrivals, line_alpha=0, hover_line_alpha=1, hover_fill_alpha=0,
+            hover_line_color=FIRST_ARRAY, nonselection_line_alpha=0, nonselection_fill_alpha=0, **ring,
+        )  # fmt: skip
         crosses = fig.scatter("x", "y", source=self.marks, **lost)
         squares = fig.scatter("x", "y", source=self.chosen, **marked)
-        curve = fig.line("x", "y", source=self.hyperbola, line_color=ESTIMATE, line_width=2)
+        curve = fig.line("x", "y", source=self.hyperbola, line_color=ESTIMATE, line_width=1.5)
         fig.hspan("y", source=self.rule, line_color=SECOND_ARRAY, line_alpha=0.4)
-        legend_entry(fig, "arrival", [dots], **faint)
+        fig.add_layout(Legend(orientation="horizontal"), "above")  # the paper is bright in the dark, too
         self._lost_entry = legend_entry(fig, "left out of the fix", [crosses], visible=False, **lost)
         self._chosen_entry = legend_entry(fig, "marked", [squares], visible=False, **marked)
         self._curve_entry = legend_entry(

@@ -36,7 +36,7 @@ from dashboards.tabs.chart_words import (
     pass_words,
     receiver_words,
 )
-from dashboards.tabs.tab import Tab, alone, heading
+from dashboards.tabs.tab import Tab, alone, drawn, heading
 from panel_splitjs import Split
 from trackerlib.beacon.pings import Pings
 from trackerlib.exports.paper_print import PaperPrint
@@ -87,6 +87,8 @@ class ChartTab(Tab):
         self._clock_s, self._running = math.inf, False  # of a replay of sound
         self._opened_files: tuple = (None, None)
         self._quiet = False
+        self._strip_pane = drawn(self.strip.figure, sizing_mode="stretch_height", width=230)
+        self._strip_pane.visible = False  # a survey log has nothing to show there
         self.words, self.status_words = pn.pane.HTML(**WORDS), pn.pane.HTML(**WORDS)
         self.pass_words, self.bearing_words = pn.pane.HTML(**WORDS), pn.pane.HTML(**WORDS)
         self._bind()
@@ -101,8 +103,8 @@ class ChartTab(Tab):
 
     def picture(self):
         paper = pn.Row(
-            pn.pane.Bokeh(self.paper.figure, sizing_mode="stretch_both", margin=0),
-            pn.pane.Bokeh(self.strip.figure, sizing_mode="stretch_height", width=230, margin=0),
+            drawn(self.paper.figure),
+            self._strip_pane,
             sizing_mode="stretch_both",
             margin=0,
         )
@@ -115,7 +117,7 @@ class ChartTab(Tab):
             self.pass_words,
             self.bearing_words,
             heading("Where the ship was"),
-            pn.pane.Bokeh(self.map.figure, sizing_mode="stretch_width", height=260, margin=(0, 6)),
+            drawn(self.map.figure, sizing_mode="stretch_width", height=260, margin=(0, 6)),
             margin=0,
             sizing_mode="stretch_width",
         )
@@ -244,8 +246,7 @@ class ChartTab(Tab):
         self._draw_arrivals(first, stop)
 
     def _draw_arrivals(self, first: int, stop: int) -> None:
-        roll, arrivals = self.roll, self.roll.arrivals
-        line, folded = roll.where(self.settings)
+        arrivals, line, folded = self.roll.placed(self.settings)
         rows = np.flatnonzero((line >= first) & (line < stop) & (arrivals.level >= self.threshold))
         line, folded = line[rows], folded[rows]
         self.paper.show_arrivals(
@@ -271,7 +272,7 @@ class ChartTab(Tab):
             row = np.flatnonzero(~fix.used)
             row = row[row < min(self.session.heard, len(roll.pings))]
             lost, times = roll.pings.number[row], roll.pings.arrival_s[row]
-            line, folded = row, roll.where(self.settings)[1][row]
+            line, folded = row, roll.placed(self.settings)[2][row]
         else:
             number, arrival_s = self.live.followed if self.kind == RECEIVER else self._accepted.get(self.kind, ([], []))
             there = np.isin(number, lost)
@@ -373,6 +374,7 @@ class ChartTab(Tab):
 
     def _choose_source(self) -> None:
         self.controls_.show_source()
+        self._strip_pane.visible = self.kind != SURVEY
         self.roll, self.sound = self._rolls.get(self.kind), self._sounds.get(self.kind)
         self._clock_s, self._running = math.inf, False
         self.session.chart_marks = ()

@@ -11,7 +11,7 @@ import panel_material_ui as pmui
 from dashboards.pictures.receiver_views import DetectionView, FrontEndView, PassView
 from dashboards.session import Session
 from dashboards.tabs.chart_live import LiveReceiver
-from dashboards.tabs.tab import number
+from dashboards.tabs.tab import drawn, number
 from trackerlib.receiver.cells import MatchedFilter
 from trackerlib.receiver.detection_curve import detection_curve
 from trackerlib.receiver.front_end_design import (
@@ -24,7 +24,7 @@ from trackerlib.receiver.front_end_design import (
 )
 from trackerlib.textfiles import InputError
 
-PANES = ("Hyperbola", "SAIL terminal", "Detection", "Front end")
+PANES = ("Hyperbola", "Terminal", "Detection", "Front\u00a0end")
 FALSE_ALARMS = np.geomspace(1e-4, 0.1, 10)
 RATIOS_DB = np.array([6.0, 9.0, 12.0, 15.0])
 PULSES = 200  # simulated at each ratio
@@ -45,13 +45,13 @@ class Beside:
         self._make_front_end()
         self._curves_drawn = False
         self._panes = {
-            PANES[0]: _fill(self.residuals.figure),
+            PANES[0]: drawn(self.residuals.figure),
             PANES[1]: pn.Column(
                 pn.Row(self.command, self.hint, margin=0), self.terminal, sizing_mode="stretch_both", margin=0
             ),
-            PANES[2]: _fill(self.detection.figure),
+            PANES[2]: drawn(self.detection.figure),
             PANES[3]: pn.Row(
-                pn.Column(self.carrier, self.bandwidth, width=170, margin=0), _fill(self.front_end.figure),
+                pn.Column(self.carrier, self.bandwidth, width=170, margin=0), drawn(self.front_end.figure),
                 pn.Column(self.design_words, width=250, scroll="y", margin=0),
                 sizing_mode="stretch_both", margin=0,
             ),
@@ -67,7 +67,7 @@ class Beside:
             pane.visible = name == self.choice.value
         if self.choice.value == "Detection" and not self._curves_drawn:
             self._draw_curves()
-        if self.choice.value == "Front end" and not len(self.front_end.source.data["khz"]):
+        if self.choice.value == PANES[3] and not len(self.front_end.source.data["khz"]):
             self._design()
 
     # -- terminal ------------------------------------------------------------------------------
@@ -118,7 +118,7 @@ class Beside:
 
     def hear(self, live: LiveReceiver) -> None:
         """Shows what the line said since the last time, while the terminal is in sight."""
-        if live.said and self.choice.value == "SAIL terminal":
+        if live.said and self.choice.value == "Terminal":
             said, live.said = live.said, b""
             text = "".join(chr(c) if 32 <= c < 127 or c in (10, 13) else "" for c in said)
             self.terminal.write(text)
@@ -170,7 +170,3 @@ def design_words(design: FrontEnd) -> str:
     }
     cells = "".join(f"<tr><td style='padding-right:8px'>{name}</td><td>{text}</td></tr>" for name, text in rows.items())
     return f"<b>At {hz / 1e3:g} kHz</b><table>{cells}</table>"
-
-
-def _fill(figure):
-    return pn.pane.Bokeh(figure, sizing_mode="stretch_both", margin=0)

@@ -54,6 +54,7 @@ class ChartControls:
 
     def _make_sources(self) -> None:
         self.source = choice("Source", SOURCES, SURVEY)
+        self.source.margin = (10, 8, 5, 8)
         tip = "WAV, RF64 or FLAC on this machine, of any length; files up to 200 MB also by File, Open…"
         self.path, self.open_path = _path("Recording on this machine", tip), _button("Open and hear")
         self.seed = number("Seed", 1, "Of noise, pings not sent and GPS errors of the simulated hunt")

@@ -225,8 +225,7 @@ class LiveReceiver:
         return begun
 
     def _new_roll(self) -> None:
-        label = " (SIMULATED)" if self._simulated else ""
-        self.roll = MarkRoll(f"receiver on {self._where}{label}", self._simulated)
+        self.roll = MarkRoll(f"receiver on {self._where}", self._simulated)
 
     def _positions(self) -> NavigationFixes:
         """Positions by the receiver's clock."""

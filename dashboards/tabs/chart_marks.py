@@ -41,9 +41,9 @@ class TraceMarks:
             if abs(mark[0] + 0.5 - line) < SNAP_LINES and abs(mark[1] - fold_s) < near:
                 self.session.edit(chart_marks=tuple(one for one in self.marks if one is not mark))
                 return
-        at, folded = roll.where(settings)
+        arrivals, at, folded = roll.placed(settings)
         away = np.hypot((at + 0.5 - line) / SNAP_LINES, (folded - fold_s) / near)
-        away[roll.arrivals.level < threshold] = np.inf
+        away[arrivals.level < threshold] = np.inf
         best = int(np.argmin(away)) if len(away) else -1
         if best >= 0 and away[best] < 1:
             self.add([(int(at[best]), float(folded[best]))])
@@ -57,9 +57,9 @@ class TraceMarks:
 
     def choose(self, roll: Roll, settings: ChartSettings, rows) -> None:
         """Marks arrivals (rows of the roll), of each line the strongest."""
-        line, folded = roll.where(settings)
+        arrivals, line, folded = roll.placed(settings)
         rows = np.asarray(rows, int)
-        rows = rows[np.argsort(roll.arrivals.level[rows], kind="stable")]
+        rows = rows[np.argsort(arrivals.level[rows], kind="stable")]
         self.add((int(line[row]), float(folded[row])) for row in rows)
 
     def clear(self) -> None:

@@ -19,6 +19,7 @@ from trackerlib.simulation.hunt_sound import HuntSound, simulate_hunt_sound
 
 SHOW_EVERY_S = 0.2  # of progress told
 MODERN_FULL_SCALE = 0.1  # darkest, so that both detectors' levels of a usual recording are alike
+LATE_ARRIVALS_S = 5.0  # after the end of a period, by which every detector has told of it
 LONGEST_EXCERPT_S = 60.0
 
 
@@ -36,7 +37,9 @@ class SoundSource:
 
     def new_roll(self, settings: ReceiverSettings) -> SoundRoll:
         """An empty roll for what will be heard."""
-        return SoundRoll(self.name, self.simulated, settings.sample_interval_s)
+        return SoundRoll(
+            self.name, self.simulated, settings.sample_interval_s, settings.interval_s + LATE_ARRIVALS_S
+        )
 
     def blocks(self) -> Iterator[np.ndarray]:
         """Its samples in blocks of BLOCK_S, from the first."""
@@ -53,6 +56,7 @@ class SoundSource:
                 told = time.monotonic()
                 share = roll.until_s / self.seconds if self.seconds else 0.0
                 progress(min(share, 1.0), f"{roll.until_s:.0f} s of sound")
+        roll.finish()
         return roll
 
     def excerpt(self, first_s: float, last_s: float) -> tuple[np.ndarray, int]:

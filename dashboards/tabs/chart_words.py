@@ -15,6 +15,7 @@ from trackerlib.receiver.hyperbola import Pass
 from trackerlib.receiver.rolls import PingRoll, Roll
 from trackerlib.rounding import value_with_sigma
 
+BADGE = ' <b style="background:#B35900;color:white;border-radius:4px;padding:1px 6px">SIMULATED</b>'
 LOG_HOLDS_TIMES = (
     "A survey log holds times, not sound: every mark is drawn alike, 10 ms long, and the grain is the paper's. Pings "
     "are a line each. A ping's time is that of its log line plus its travel time plus an unknown constant, so only how "
@@ -25,7 +26,7 @@ LOG_HOLDS_TIMES = (
 def paper_words(roll: Roll, settings: ChartSettings, shown: int, missed: int, threshold: float) -> str:
     """What lies on the paper, as HTML."""
     name = html.escape(roll.source)
-    kind = "" if not roll.simulated else " <b>(simulated)</b>"
+    kind = BADGE if roll.simulated else ""
     what = f"{settings.interval_s:.4f} s across, the newest line at the bottom."
     if isinstance(roll, PingRoll):
         return f"<b>{shown} of {len(roll.pings)} pings</b> of {name}{kind}, a line each, {what}"

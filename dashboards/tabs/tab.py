@@ -167,6 +167,12 @@ class Tab(Viewer):
         return self._layout
 
 
+def drawn(figure, **options):
+    """A figure that fills its place, its text as small as a dense screen wants: the theme sets it in em."""
+    options = {"sizing_mode": "stretch_both", "margin": 0} | options
+    return pn.pane.Bokeh(figure, styles={"font-size": "11.5px"}, **options)
+
+
 def number(label: str, value, tip: str, **options):
     """A typed number with its unit in the label and a tooltip; arrows nudge."""
     kind = pmui.IntInput if isinstance(value, int) and not isinstance(value, bool) else pmui.FloatInput

@@ -81,9 +81,14 @@ class Roll:
         """How many lines of paper are known from edge to edge."""
         return max(int((self.until_s - left_edge(settings, 0)) / settings.interval_s + 1e-9), 0)
 
-    def where(self, settings: ChartSettings, time_s=None) -> tuple[np.ndarray, np.ndarray]:
-        """Line and time from its left edge of each arrival, or of other times of the stream."""
-        return line_of(self.arrivals.arrival_s if time_s is None else time_s, settings)
+    def where(self, settings: ChartSettings, time_s) -> tuple[np.ndarray, np.ndarray]:
+        """Line of paper and time from its left edge of times of the stream (N,)."""
+        return line_of(time_s, settings)
+
+    def placed(self, settings: ChartSettings) -> tuple[Arrivals, np.ndarray, np.ndarray]:
+        """The arrivals so far, and of each its line and its time from that line's left edge."""
+        arrivals = self.arrivals
+        return arrivals, *self.where(settings, arrivals.arrival_s)
 
     def time_of(self, settings: ChartSettings, line, fold_s) -> np.ndarray:
         """Time of the stream [s] of places on paper."""
@@ -117,8 +122,7 @@ class Roll:
         """What stands beside these lines (N, columns), the first of which has that number."""
         count = len(lines)
         level, snr, gain = np.full((3, count), np.nan)
-        arrivals = self.arrivals
-        line, _ = self.where(settings)
+        arrivals, line, _ = self.placed(settings)
         rows = np.flatnonzero((line >= first) & (line < first + count))
         rows = rows[np.argsort(arrivals.level[rows], kind="stable")]  # of each line the strongest comes last
         at = line[rows] - first
@@ -138,12 +142,22 @@ class Roll:
 
 
 class SoundRoll(Roll):
-    """Every level of a detector that listens to sound, and its arrivals."""
+    """Every level of a detector that listens to sound, and its arrivals.
 
-    def __init__(self, source: str, simulated: bool = False, sample_interval_s: float = 1e-3):
+    held_s : for how long after its levels an arrival may become known; a line waits for its arrivals until `finish`
+    """
+
+    def __init__(
+        self, source: str, simulated: bool = False, sample_interval_s: float = 1e-3, held_s: float = 0.0
+    ):
         super().__init__(source, simulated)
         self.sample_interval_s = sample_interval_s
+        self._held_s = held_s
         self._levels, self._count = np.zeros(1 << 16, np.uint8), 0
+
+    def finish(self) -> None:
+        """The sound has ended: nothing is held back any more."""
+        self.until_s = self._count * self.sample_interval_s
 
     def feed(self, heard: Heard) -> None:
         """What a detector found in one more block."""
@@ -155,7 +169,7 @@ class SoundRoll(Roll):
                 self._levels = more
             self._levels[self._count : count] = heard.levels
             self._count = count
-        self.add(heard.arrivals, count * self.sample_interval_s)
+        self.add(heard.arrivals, max(count * self.sample_interval_s - self._held_s, 0.0))
 
     def lines(self, settings, first, stop, threshold=0.0):
         step = self.sample_interval_s
@@ -179,8 +193,7 @@ class MarkRoll(Roll):
     noise_is = "faintest maximum of the period"
 
     def lines(self, settings, first, stop, threshold=0.0):
-        arrivals = self.arrivals
-        line, _ = self.where(settings)
+        arrivals, line, _ = self.placed(settings)
         rows = np.flatnonzero((line >= first) & (line < stop) & (arrivals.level >= threshold))
         return mark_lines(
             line[rows] - first,
@@ -217,10 +230,14 @@ class PingRoll(Roll):
     def whole_lines(self, settings):
         return len(self.pings)
 
-    def where(self, settings, time_s=None):
-        arrival = self.arrivals.arrival_s
-        folded = fold(arrival if time_s is None else time_s, settings.interval_s, settings.offset_s)
-        return (np.arange(len(arrival)) if time_s is None else np.searchsorted(arrival, time_s)), folded
+    def where(self, settings, time_s):
+        folded = fold(time_s, settings.interval_s, settings.offset_s)
+        return np.searchsorted(self.pings.arrival_s, np.asarray(time_s) - 1e-9), folded
+
+    def placed(self, settings):
+        arrivals = self.arrivals
+        folded = fold(arrivals.arrival_s, settings.interval_s, settings.offset_s)
+        return arrivals, np.arange(len(folded)), folded
 
     def time_of(self, settings, line, fold_s):
         arrival = self.pings.arrival_s[line]
