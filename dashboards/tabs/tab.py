@@ -168,9 +168,8 @@ class Tab(Viewer):
 
 
 def drawn(figure, **options):
-    """A figure that fills its place, its text as small as a dense screen wants: the theme sets it in em."""
-    options = {"sizing_mode": "stretch_both", "margin": 0} | options
-    return pn.pane.Bokeh(figure, styles={"font-size": "11.5px"}, **options)
+    """A figure that fills its place."""
+    return pn.pane.Bokeh(figure, **({"sizing_mode": "stretch_both", "margin": 0} | options))
 
 
 def number(label: str, value, tip: str, **options):
