@@ -66,6 +66,7 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.timing.variance_components",
     "trackerlib.timing.correlated_noise",
     "trackerlib.receiver.report_receiver",
+    "trackerlib.receiver.demodulation",
 )
 
 _warm_ups: list[Callable[[], object]] = []
