@@ -67,6 +67,7 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.timing.correlated_noise",
     "trackerlib.receiver.report_receiver",
     "trackerlib.receiver.demodulation",
+    "trackerlib.receiver.chains",
 )
 
 _warm_ups: list[Callable[[], object]] = []
