@@ -179,3 +179,15 @@ def test_samples_that_make_no_sense():
         detector(1.0).feed(np.full(4800, np.nan))
     with pytest.raises(ValueError, match=r"shape \(10, 2\); wanted one row"):
         detector(1.0).feed(np.zeros((10, 2)))
+
+
+def test_doppler_of_a_ship_costs_level_and_not_time():
+    rng = np.random.default_rng(12)
+    begin_s = (np.arange(400) + rng.uniform(0.3, 0.7, 400)) * 0.4
+    shifted = CARRIER_HZ * (1 + 5 / 1500)
+    samples = recording(rng, begin_s, 22, 160, carrier_hz=shifted)
+    found, _ = listen(detector(0.4, maxima=1), samples)
+    error = found.arrival_s - begin_s
+    assert abs(error.mean()) < 3.5 * error.std() / 20
+    loss_db = -20 * np.log10(np.sinc((shifted - CARRIER_HZ) * PULSE_S))
+    assert np.median(found.snr_db) == pytest.approx(22 - loss_db, abs=0.3)

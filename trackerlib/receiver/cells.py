@@ -87,7 +87,8 @@ class CellStream:
         self.power = np.zeros(behind + room, np.float32)
         self.scale = np.array(scale, np.float32)
         self._limit = self.filled + matched.start_of(room) - 1  # start_of of any other base differs by one
-        self._numbers = (matched.rate_hz, matched.cells_per_s, matched.cells, matched.cells_a_ms)
+        numbers = (matched.rate_hz, matched.cells_per_s, matched.cells, matched.cells_a_ms)
+        self._fixed = (numbers, matched.mixing, matched.rotation, self.iq, self.power, self.scale)
 
     def take(self, samples: np.ndarray) -> tuple[int, np.ndarray]:
         """Takes as many samples (K,) as there is room for; how many, and levels of the milliseconds they complete.
@@ -101,19 +102,7 @@ class CellStream:
         else:
             place[:] = samples[:count]
         self.filled += count
-        matched = self.matched
-        levels, done = kernels.advance(
-            self.buffer,
-            self.filled,
-            self.base,
-            self.done,
-            self._numbers,
-            matched.mixing,
-            matched.rotation,
-            self.iq,
-            self.power,
-            self.scale,
-        )
+        levels, done = kernels.advance(self.buffer, self.filled, self.base, self.done, *self._fixed)
         if done < 0:
             raise ValueError("samples are not finite numbers, or far beyond full scale")
         self.done = done

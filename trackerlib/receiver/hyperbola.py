@@ -188,17 +188,18 @@ class _Hyperbola:
     def begin(self) -> np.ndarray:
         """The best of a grid of places and distances, the rest by linear least squares."""
         reach = np.ptp(self.along)
+        grid = np.meshgrid(
+            np.linspace(self.along.min(), self.along.max(), PLACES),
+            np.geomspace(0.02 * reach, 5 * reach, DISTANCES),
+        )
+        place, distance = (each.ravel() for each in grid)
+        travel_s = np.hypot(distance[:, None], self.along - place[:, None]) / self.speed
+        rest = np.pad((self.time_s - travel_s) / self.sigma_s, ((0, 0), (0, 1)))  # nought for the interval
         columns = np.stack([np.ones_like(self.emission), self.emission], axis=-1) / self.sigma_s[:, None]
-        design = np.vstack([columns, [0.0, self.prior[0]]])
-        best, begin = np.inf, np.zeros(5)
-        for place in np.linspace(self.along.min(), self.along.max(), PLACES):
-            for distance in np.geomspace(0.02 * reach, 5 * reach, DISTANCES):
-                rest = (self.time_s - np.hypot(distance, self.along - place) / self.speed) / self.sigma_s
-                linear, *_ = np.linalg.lstsq(design, np.append(rest, 0.0), rcond=None)
-                left = np.append(rest, 0.0) - design @ linear
-                if left @ left < best:
-                    best, begin = left @ left, np.array([*linear, place, distance, 0.0])
-        return begin
+        basis, triangle = np.linalg.qr(np.vstack([columns, [0.0, self.prior[0]]]))
+        linear = rest @ basis
+        best = np.argmin(np.sum(rest**2, axis=1) - np.sum(linear**2, axis=1))
+        return np.array([*np.linalg.solve(triangle, linear[best]), place[best], distance[best], 0.0])
 
 
 def _covariance(solution: optimize.OptimizeResult, marks: int) -> np.ndarray:

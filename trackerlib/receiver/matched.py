@@ -8,6 +8,8 @@ over the noise's in a band of one over the pulse.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from trackerlib.receiver import demodulation as kernels
@@ -166,28 +168,29 @@ class ModernDetector:
 
     def _close(self, until_s: float) -> Arrivals:
         """The strongest arrivals of each period that ended by a time, and no longer open."""
-        found = np.array(self._open).reshape(-1, 4)
-        period = np.floor(found[:, 0] / self.interval_s).astype(int)
-        closed = (period + 1) * self.interval_s <= until_s
-        if not closed.any():
-            return NOTHING
-        self._open = [row for row, gone in zip(self._open, closed, strict=True) if not gone]
-        return self._ranked(period[closed], found[closed])
+        closed, still_open = [], []
+        for found in self._open:
+            period = int(found[0] // self.interval_s)
+            if (period + 1) * self.interval_s <= until_s:
+                closed.append((period, *found))
+            else:
+                still_open.append(found)
+        self._open = still_open
+        return self._ranked(closed) if closed else NOTHING
 
-    def _ranked(self, period: np.ndarray, found: np.ndarray) -> Arrivals:
-        order = np.lexsort((-found[:, 2], period))
-        period, found = period[order], found[order]
-        rank = np.arange(len(period)) - np.searchsorted(period, period) + 1
-        told = rank <= self.maxima
-        time_s, sigma_s, likelihood, power = found[told].T
+    def _ranked(self, found: list[tuple[float, ...]]) -> Arrivals:
+        """Arrivals from rows of period, arrival_s, sigma_s, log likelihood and power."""
+        found.sort(key=lambda row: (row[0], -row[3]))
+        rank = [1]
+        for before, row in pairwise(found):
+            rank.append(rank[-1] + 1 if row[0] == before[0] else 1)
+        number = np.array(rank)
+        told = number <= self.maxima
+        period, time_s, sigma_s, likelihood, power = np.array(found)[told].T
         level = np.empty(len(power), np.uint8)
         kernels.log_levels(power.astype(np.float32), self._stream.scale[0], self._stream.scale[1], level)
+        snr_db = 10 * np.log10(np.maximum(likelihood - kernels.OVERSHOOT, 0.1))
+        nothing = np.zeros(len(time_s))
         return Arrivals(
-            period[told],
-            rank[told],
-            time_s,
-            level.astype(float),
-            np.zeros(len(time_s)),
-            10 * np.log10(np.maximum(likelihood - kernels.OVERSHOOT, 0.1)),
-            sigma_s,
+            period.astype(int), number[told], time_s, level.astype(float), nothing, snr_db, sigma_s
         )
