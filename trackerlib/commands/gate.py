@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> dict:
     """Writes the sets and returns the answer of `gate` as a document for JSON."""
     _check(args)
     arrays = read_arrays(args.arrays)
-    tfile = read_tfile(args.tfile, args.header_records)
+    tfile = read_tfile(args.tfile, args.header_records, args.mode)
     try:
         run_date = parse_date(args.run_date) if args.run_date else tfile.run_date
     except ValueError as error:
