@@ -21,6 +21,8 @@ from trackerlib.crossover.gate_scan import (
     find_repeats,
     judge_reports,
     match_pairs,
+    number_rows,
+    seen_numbers,
 )  # fmt: skip
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.repeats import RepeatChoice, choose_repeats
@@ -78,14 +80,12 @@ def gate_reports(
     vehicle = gate_mode_and_flag(reports, mode)
     numbers, row = _rows(vehicle.array)
     place = _places(numbers, survey)
-    verdict = judge_reports(vehicle.point_count, row, vehicle.position, place, max_slant_range_ft)
-    ended = np.bincount(verdict, minlength=KEPT + 1)
-    choices = choose_repeats(
-        vehicle, verdict, find_repeats(vehicle.point_count, row, verdict), tuple(keep_lines)
-    )
+    verdict, ended = judge_reports(vehicle.point_count, row, vehicle.position, place, max_slant_range_ft)
+    repaired = np.flatnonzero(verdict == KEPT)
+    repeats = find_repeats(vehicle.point_count[repaired], row[repaired])
+    single, choices = choose_repeats(vehicle, repaired, repeats, keep_lines)
     unplaced = np.bincount(row[verdict == UNPLACED], minlength=len(numbers))
     unplaced_arrays = {int(n): int(k) for n, k in zip(numbers, unplaced, strict=True) if k}
-    left_out = int(np.sum(choices.member >= 0)) - len(choices)
     paired = len(vehicle) - int(ended[ALONE])
     in_range = paired - int(ended[UNPLACED]) - int(ended[TOO_FAR])
     counts = GateCounts(
@@ -95,10 +95,10 @@ def gate_reports(
         kept_paired=paired,
         kept_range=in_range,
         kept_repaired=in_range - int(ended[ALONE_IN_RANGE]),
-        repeats_left_out=left_out,
+        repeats_left_out=len(repaired) - len(single),
         unplaced=int(ended[UNPLACED]),
     )
-    sets = _matched_sets(vehicle, numbers, row, verdict, gap_counts)
+    sets = _matched_sets(vehicle.only(single), numbers, row[single], gap_counts)
     return GatingResult(
         mode=mode,
         counts=counts,
@@ -135,11 +135,10 @@ def _rows(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if high - low > 1000:
         numbers, row = np.unique(array, return_inverse=True)
         return numbers, row.astype(np.int16)
-    shifted = array - np.int16(low) if array.dtype == np.int16 else array - low
-    numbers = np.flatnonzero(np.bincount(shifted))
-    row = np.zeros(high - low + 1, dtype=np.int16)
-    row[numbers] = np.arange(len(numbers))
-    return numbers + low, row[shifted]
+    seen, row = np.zeros(high - low + 1, dtype=np.bool_), np.empty(len(array), dtype=np.int16)
+    seen_numbers(array, low, seen)
+    number_rows(array, low, (np.cumsum(seen) - 1).astype(np.int16), row)
+    return np.flatnonzero(seen) + low, row
 
 
 def _places(numbers: np.ndarray, survey: ArraySurvey) -> np.ndarray:
@@ -152,9 +151,9 @@ def _places(numbers: np.ndarray, survey: ArraySurvey) -> np.ndarray:
     return place
 
 
-def _matched_sets(vehicle, numbers, row, verdict, gap_counts) -> tuple[CrossoverSet, ...]:
+def _matched_sets(reports, numbers, row, gap_counts) -> tuple[CrossoverSet, ...]:
     """Crossover sets of every two arrays that share point counts, split into passes."""
-    sizes, matches = match_pairs(vehicle.point_count, row, verdict, len(numbers))
+    sizes, matches = match_pairs(reports.point_count, row, len(numbers))
     sets: list[CrossoverSet] = []
     end = 0
     for a, b in np.argwhere(sizes):
@@ -162,11 +161,11 @@ def _matched_sets(vehicle, numbers, row, verdict, gap_counts) -> tuple[Crossover
         end += sizes[a, b]
         whole = CrossoverSet(
             pair=(int(numbers[a]), int(numbers[b])),
-            point_count=vehicle.point_count[first].astype(np.int64),
-            x=vehicle.position[first],
-            y=vehicle.position[second],
-            range_name=vehicle.range_name,
-            source=vehicle.source,
+            point_count=reports.point_count[first].astype(np.int64),
+            x=reports.position[first],
+            y=reports.position[second],
+            range_name=reports.range_name,
+            source=reports.source,
         )
         sets += split_passes(whole, gap_counts)
     return tuple(sets)

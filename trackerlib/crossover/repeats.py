@@ -10,12 +10,12 @@ from itertools import pairwise
 import numpy as np
 
 from trackerlib.compiled import compiled, in_threads, warms
-from trackerlib.crossover.gate_scan import KEPT, REPEAT
 from trackerlib.crossover.reports import PositionReports
 
 NEIGHBOUR_COUNTS = 12  # how far in point counts a neighbour may be
 NEIGHBOURS_PER_SIDE = 5
 _MOST = 2 * NEIGHBOURS_PER_SIDE
+_PAIRS = _MOST * (_MOST - 1) // 2
 _FEWEST = 500  # repeats for which a thread of its own is worth its start
 
 
@@ -72,35 +72,28 @@ class RepeatChoices(Sequence):
 
 
 def choose_repeats(
-    tracks: PositionReports, verdict: np.ndarray, firsts: np.ndarray, keep_lines: Sequence[int] = ()
-) -> RepeatChoices:
-    """Choices among repeated reports; every report not chosen gets the verdict REPEAT.
+    tracks: PositionReports, kept: np.ndarray, firsts: np.ndarray, keep_lines: Sequence[int] = ()
+) -> tuple[np.ndarray, RepeatChoices]:
+    """Reports (K,) without those not chosen of repeats, and every choice that was made.
 
     tracks : all reports of one vehicle in order of point count, those that no other array saw too, from which
         the array's own track near a repeat is taken
-    verdict : (N,) KEPT at the reports to choose among; changed in place
-    firsts : (R,) the first report of each repeat
+    kept : (K,) reports among which there are repeats
+    firsts : (R,) which of these are the first of a repeat
     keep_lines : lines of the file to keep whatever their distance, which takes a choice back
     """
-    firsts = firsts[np.lexsort((tracks.array[firsts], tracks.point_count[firsts]))]
-    told = np.isin(tracks.line, np.asarray(keep_lines, dtype=np.int64))
-    most = _most_members(tracks.point_count, tracks.array, verdict, firsts)
+    firsts = firsts[np.lexsort((tracks.array[kept[firsts]], tracks.point_count[kept[firsts]]))]
+    told = np.isin(tracks.line[kept], np.asarray(keep_lines, dtype=np.int64))
+    most = _most_members(tracks.point_count, tracks.array, kept, firsts)
     member = np.full((len(firsts), most), -1, dtype=np.int64)
     distance = np.full((len(firsts), most), np.nan)
-    kept, neighbours = np.empty(len(firsts), np.int64), np.empty(len(firsts), np.int64)
-    by_hand = np.zeros(len(firsts), np.bool_)
+    chosen, neighbours = np.empty(len(firsts), np.int64), np.empty(len(firsts), np.int64)
+    by_hand, keep = np.zeros(len(firsts), np.bool_), np.ones(len(kept), np.bool_)
     cuts = [*range(0, len(firsts), max(_FEWEST, len(firsts) // 4 + 1)), len(firsts)]
-    columns = (tracks.point_count, tracks.array, tracks.position)
-    in_threads(
-        _choose,
-        [
-            (*columns, told, verdict, firsts[a:b], member[a:b], distance[a:b], kept[a:b], neighbours[a:b], by_hand[a:b])
-            for a, b in pairwise(cuts)
-        ],
-    )  # fmt: skip
-    dropped = member[(member != kept[:, None]) & (member >= 0)]
-    verdict[dropped] = REPEAT
-    return RepeatChoices(tracks, kept, neighbours, by_hand, member, distance)
+    columns = (tracks.point_count, tracks.array, tracks.position, kept, told, keep)
+    rows = (firsts, member, distance, chosen, neighbours, by_hand)
+    in_threads(_choose, [(*columns, *(row[a:b] for row in rows)) for a, b in pairwise(cuts)])
+    return kept[keep], RepeatChoices(tracks, chosen, neighbours, by_hand, member, distance)
 
 
 def predict_position(point_count: int, counts: np.ndarray, positions: np.ndarray) -> np.ndarray:
@@ -110,27 +103,22 @@ def predict_position(point_count: int, counts: np.ndarray, positions: np.ndarray
     these, weighted by how little each amplifies the neighbours' noise, so that a few wild neighbours do
     not move it.
     """
-    predicted = np.empty(3)
-    _predict(
-        np.asarray(counts, np.float64) - point_count,
-        np.asarray(positions, np.float64),
-        len(counts),
-        predicted,
-    )
+    predicted, pairs = np.empty(3), max(len(counts) * (len(counts) - 1) // 2, len(counts), 1)
+    away = np.asarray(counts, np.float64) - point_count
+    places = np.asarray(positions, np.float64)
+    _predict(away, places, len(counts), np.empty((4, pairs)), np.empty(pairs), predicted)
     return predicted
 
 
 @compiled
-def _predict(away, positions, size, predicted):
-    """`predict_position` of neighbours so many counts `away`."""
-    pairs = max(size * (size - 1) // 2, size)
-    value, weight = np.empty((3, pairs)), np.empty(pairs)
+def _predict(away, positions, size, value, weight, predicted):
+    """`predict_position` of neighbours so many counts `away`; value (4, pairs) and weight are room to work in."""
     count = 0
     for i in range(size):
         for j in range(i + 1, size):
             if away[i] != away[j]:
                 share = -away[i] / (away[j] - away[i])
-                weight[count] = 1.0 / math.hypot(share, 1.0 - share)
+                value[3, count] = 1.0 / math.sqrt(share * share + (1.0 - share) * (1.0 - share))
                 for axis in range(3):
                     value[axis, count] = positions[i, axis] + share * (
                         positions[j, axis] - positions[i, axis]
@@ -141,7 +129,8 @@ def _predict(away, positions, size, predicted):
             predicted[axis] = np.median(positions[:size, axis].copy()) if size else np.nan
         return
     for axis in range(3):
-        predicted[axis] = _weighted_median(value[axis, :count], weight[:count].copy())
+        weight[:count] = value[3, :count]
+        predicted[axis] = _weighted_median(value[axis, :count], weight[:count])
 
 
 @compiled
@@ -178,37 +167,44 @@ def _neighbours(point_count, array, position, report, away, near):
 
 
 @compiled
-def _most_members(point_count, array, verdict, firsts):
+def _most_members(point_count, array, kept, firsts):
     """Of how many reports the greatest repeat consists."""
     most = 1
     for first in firsts:
         size, k = 0, first
-        while k < len(point_count) and point_count[k] == point_count[first]:
-            size += verdict[k] == KEPT and array[k] == array[first]
+        while k < len(kept) and point_count[kept[k]] == point_count[kept[first]]:
+            size += array[kept[k]] == array[kept[first]]
             k += 1
         most = max(most, size)
     return most
 
 
 @compiled
-def _choose(point_count, array, position, told, verdict, firsts, member, distance, kept, neighbours, by_hand):
+def _choose(
+    point_count, array, position, kept, told, keep, firsts, member, distance, chosen, neighbours, by_hand
+):
     away, near, expected = np.empty(_MOST), np.empty((_MOST, 3)), np.empty(3)
+    value, weight = np.empty((4, _PAIRS)), np.empty(_PAIRS)
     for r in range(len(firsts)):
-        first = firsts[r]
+        first = kept[firsts[r]]
         neighbours[r] = _neighbours(point_count, array, position, first, away, near)
-        _predict(away, near, neighbours[r], expected)
-        size, best, k = 0, 0, first
-        while k < len(point_count) and point_count[k] == point_count[first]:
-            if verdict[k] == KEPT and array[k] == array[first]:
-                gap = position[k] - expected
-                member[r, size], distance[r, size] = k, math.sqrt(np.sum(gap * gap))
-                if told[k]:
-                    best, by_hand[r] = size, True
-                elif distance[r, size] < distance[r, best] and not by_hand[r]:
-                    best = size
+        _predict(away, near, neighbours[r], value, weight, expected)
+        size, best, k = 0, firsts[r], firsts[r]
+        least = np.inf
+        while k < len(kept) and point_count[kept[k]] == point_count[first]:
+            if array[kept[k]] == array[first]:
+                square = 0.0
+                for axis in range(3):
+                    square += (position[kept[k], axis] - expected[axis]) ** 2
+                member[r, size], distance[r, size] = kept[k], math.sqrt(square)
+                if told[k] or (distance[r, size] < least and not by_hand[r]):
+                    best, least = k, distance[r, size]
+                by_hand[r] |= told[k]
+                keep[k] = False
                 size += 1
             k += 1
-        kept[r] = member[r, best]
+        keep[best] = True
+        chosen[r] = kept[best]
 
 
 @warms
@@ -216,4 +212,5 @@ def _warm() -> None:
     count, rows = np.array([1, 2, 2], np.int32), np.zeros(3, np.int16)
     line = np.arange(3, dtype=np.int32)
     reports = PositionReports(line, count, np.zeros((3, 3)), rows, rows, rows > 0)
-    choose_repeats(reports, np.full(3, KEPT, np.uint8), np.array([1]))
+    choose_repeats(reports, np.arange(3), np.array([1]))
+    predict_position(1, count, np.zeros((3, 3)))

@@ -190,7 +190,7 @@ def _read_records(text, start, first_line, mode, foreign) -> _Records | None:
     if any(scan.foreign for scan in scans):
         return None
     columns = joined(scans, first_line)
-    modes = sum(scan.modes for scan in scans)
+    modes = np.sum([scan.modes for scan in scans], axis=0)
     seen = [int(scan.first_line) + n for scan, n in zip(scans, first_lines(scans, first_line), strict=True)
             if scan.first_line >= 0]  # fmt: skip
     line, values, flagged, bad = judge_lines(text, np.concatenate([scan.odd for scan in scans]))
