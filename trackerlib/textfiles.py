@@ -88,9 +88,14 @@ def decode_lines(content: bytes, name: str) -> list[str]:
 
 def write_text(path: str | Path, text: str) -> None:
     """Writes a text file whole or not at all."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: str | Path, content: bytes) -> None:
+    """Writes a file whole or not at all."""
     path = Path(path)
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8", newline="\n")
+    part.write_bytes(content)
     os.replace(part, path)
 
 
