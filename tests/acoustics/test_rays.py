@@ -209,6 +209,7 @@ def test_all_targets_are_found_that_bisection_finds(seed):
     size = 150
     array = rng.choice([50.0, 1300.0, 6000.0, 12_000.0], size)
     target, run = rng.uniform(0, 12_000, size), rng.uniform(0, 12_000, size)
+    target[::3] = np.clip(array[::3] + rng.uniform(-500, 500, 50), 0, 12_000)  # far and level: some in shadow
     rays = fit_rays(WINTER_FT, run, target, array)
     found = [by_bisection(WINTER_FT, *one) for one in zip(run, target, array, strict=True)]
     assert rays.reached.tolist() == [p is not None for p in found]
@@ -222,4 +223,4 @@ def test_many_rays_in_threads_are_the_same_as_one_by_one():
     together = fit_rays(WINTER_FT, run, target, 6000.0)
     for k in (0, 3999, 4000, 7999, 8000, 9499):
         alone = fit_rays(WINTER_FT, run[k], target[k], 6000.0)
-        assert float(alone.travel_time) == together.travel_time[k]
+        assert np.array_equal(alone.travel_time, together.travel_time[k], equal_nan=True)

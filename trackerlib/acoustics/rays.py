@@ -230,8 +230,9 @@ def _fit_stretch(depth, speed, horizontal_range, target_depth, array_depth, firs
 
 @compiled
 def _speed_below(depth, speed, z):
-    """Speed one node below z: equal to that at z where the water there has one speed."""
-    return speed[min(np.searchsorted(depth, z, side="right"), len(depth) - 1)]
+    """Speed one node below z, at the last node one above: equal to that at z where the water has one speed."""
+    below = np.searchsorted(depth, z, side="right")
+    return speed[below] if below < len(depth) else speed[len(depth) - 2]
 
 
 @warms

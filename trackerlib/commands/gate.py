@@ -8,8 +8,10 @@ from pathlib import Path
 
 from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, GatingResult, gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
+from trackerlib.crossover.segments import TrackSegment, straight_segments
 from trackerlib.rangefiles.arrays import parse_date, read_arrays
 from trackerlib.rangefiles.crossover_file import crossover_file_name, write_crossover
+from trackerlib.rangefiles.segment_file import segment_file_name, write_segment
 from trackerlib.rangefiles.tfile import HEADER_RECORDS, read_tfile
 from trackerlib.textfiles import InputError
 
@@ -33,6 +35,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="G",
         help="a longer gap ends a pass (default 30)",
     )
+    add(
+        "--segments",
+        action="store_true",
+        help="write segment_AA_P.txt too: straight pieces of one array's track",
+    )
+    add(
+        "--keep-line",
+        type=int,
+        action="append",
+        default=[],
+        metavar="N",
+        help="of repeated reports keep this line",
+    )
     add("--run-date", metavar="DAY", help="day of the run (default: the one date in the header)")
     add("--out", type=Path, required=True, metavar="DIR", help="folder for crossover_AA_BB_P.txt")
 
@@ -46,15 +61,18 @@ def run(args: argparse.Namespace) -> dict:
         run_date = parse_date(args.run_date) if args.run_date else tfile.run_date
     except ValueError as error:
         raise InputError(f"--run-date: {error}") from None
-    result = gate_reports(
-        tfile.reports, arrays.survey, args.mode, args.max_slant_range_ft, args.gap_counts, run_date
-    )
+    gates = (arrays.survey, args.mode, args.max_slant_range_ft, args.gap_counts)
+    result = gate_reports(tfile.reports, *gates, run_date, args.keep_line)
+    segments = straight_segments(tfile.reports, *gates) if args.segments else ()
     for record in arrays.bad_records:
         print(f"{args.arrays.name}, line {record.line}: {record.why}", file=sys.stderr)
     for note in (*arrays.notes, *tfile.warnings, *result.warnings):
         print(f"gate: {note}", file=sys.stderr)
     files = write_sets(args.out, result.sets)
-    return document(result, files, [*tfile.warnings, *result.warnings], tfile.simulated)
+    answer = document(result, files, [*tfile.warnings, *result.warnings], tfile.simulated)
+    if args.segments:
+        answer["segments"] = [_segment(segment, args.out) for segment in segments]
+    return answer
 
 
 def write_sets(folder: Path, sets: tuple[CrossoverSet, ...]) -> list[Path]:
@@ -104,6 +122,8 @@ def report(answer: dict) -> str:
     lines += [
         f"{s['file']}  {s['points']} points, counts {s['first']} to {s['last']}" for s in answer["sets"]
     ] or ["no crossover set: no two arrays saw the vehicle at one point count"]
+    if "segments" in answer:
+        lines.append(f"{len(answer['segments'])} straight pieces of single arrays' tracks")
     return "\n".join(lines)
 
 
@@ -112,6 +132,20 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"--max-slant-range-ft is {args.max_slant_range_ft:g}, wanted feet above 0")
     if args.gap_counts < 1:
         raise InputError(f"--gap-counts is {args.gap_counts}, wanted 1 or more")
+
+
+def _segment(segment: TrackSegment, folder: Path) -> dict:
+    """Writes a straight piece and says which."""
+    path = folder / segment_file_name(segment)
+    write_segment(path, segment)
+    return {
+        "file": str(path),
+        "array": segment.array,
+        "piece": segment.piece,
+        "points": len(segment.point_count),
+        "first": int(segment.point_count[0]),
+        "last": int(segment.point_count[-1]),
+    }
 
 
 def _set(crossover: CrossoverSet, path: Path) -> dict:

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from trackerlib.compiled import compiled, in_threads, warms
+from trackerlib.crossover.gate_scan import find_repeats
 from trackerlib.crossover.reports import PositionReports
 
 NEIGHBOUR_COUNTS = 12  # how far in point counts a neighbour may be
@@ -94,6 +95,13 @@ def choose_repeats(
     rows = (firsts, member, distance, chosen, neighbours, by_hand)
     in_threads(_choose, [(*columns, *(row[a:b] for row in rows)) for a, b in pairwise(cuts)])
     return kept[keep], RepeatChoices(tracks, chosen, neighbours, by_hand, member, distance)
+
+
+def one_report_a_count(track: PositionReports) -> PositionReports:
+    """Reports of one array, in order of point count, with the choice made where it reported twice."""
+    kept = np.arange(len(track))
+    firsts = find_repeats(track.point_count, track.array)
+    return track.only(choose_repeats(track, kept, firsts)[0])
 
 
 def predict_position(point_count: int, counts: np.ndarray, positions: np.ndarray) -> np.ndarray:
