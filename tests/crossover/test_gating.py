@@ -1,6 +1,7 @@
 """Gating: each gate by hand, repeats, passes, and an account of every report."""
 
 import json
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -108,6 +109,18 @@ def test_a_mode_nobody_has_gives_no_set_and_says_so():
     result = gate_reports(reports_of([(1, 0, MIDDLE), (1, 1, MIDDLE)]), SURVEY, 2)
     assert not result.sets
     assert result.warnings == ("no report has mode 2; the file has modes 7",)
+
+
+@pytest.mark.parametrize(
+    ("scale_file", "scale_table", "words"), [(0.3048, 1, "T-file"), (1, 0.3048, "array")]
+)
+def test_metres_for_feet_are_recognised_and_asked_about(demo, scale_file, scale_table, words):
+    reports, survey, _, _ = demo
+    assert not any("metres" in warning for warning in gate_reports(reports, survey, 7).warnings)
+    metric = replace(reports, position=scale_file * reports.position)
+    table = replace(survey, position=scale_table * survey.position)
+    (question,) = (w for w in gate_reports(metric, table, 7).warnings if "metres" in w)
+    assert question.startswith(f"is the {words}")
 
 
 # repeats

@@ -10,6 +10,7 @@ from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, GatingRe
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.segments import TrackSegment, straight_segments
 from trackerlib.rangefiles.arrays import parse_date, read_arrays
+from trackerlib.rangefiles.campaign import read_campaign
 from trackerlib.rangefiles.crossover_file import crossover_file_name, write_crossover
 from trackerlib.rangefiles.segment_file import segment_file_name, write_segment
 from trackerlib.rangefiles.tfile import HEADER_RECORDS, read_tfile
@@ -21,9 +22,10 @@ SUMMARY = "match the tracks of every two arrays of a T-file"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `gate`."""
     add = parser.add_argument
-    add("tfile", type=Path, metavar="TFILE")
-    add("--arrays", type=Path, required=True, metavar="FILE", help="array table")
-    add("--mode", type=int, required=True, metavar="M", help="2 ship, 7 torpedo")
+    add("tfile", type=Path, nargs="?", metavar="TFILE")
+    add("--arrays", type=Path, metavar="FILE", help="array table")
+    add("--mode", type=int, metavar="M", help="2 ship, 7 torpedo")
+    add("--campaign", type=Path, metavar="FILE", help="all runs of a campaign, in place of the three above")
     add(
         "--header-records", type=int, default=HEADER_RECORDS, metavar="N", help="records to skip (default 31)"
     )
@@ -55,6 +57,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict:
     """Writes the sets and returns the answer of `gate` as a document for JSON."""
     _check(args)
+    if args.campaign:
+        return run_campaign(args)
+    return run_one(args)
+
+
+def run_campaign(args: argparse.Namespace) -> dict:
+    """The answers of all runs of a campaign, each with its sets in a folder of its own."""
+    answers = []
+    for one in read_campaign(args.campaign).runs:
+        folder = args.out / f"day_{one.day}_run_{one.run}_mode_{one.mode}"
+        own = {
+            "tfile": one.tfile,
+            "arrays": one.arrays,
+            "mode": one.mode,
+            "header_records": one.header_records,
+        }
+        answer = run_one(argparse.Namespace(**{**vars(args), **own, "out": folder}))
+        answers.append({"day": one.day, "run": one.run, "mode": one.mode, "vehicle": one.vehicle, **answer})
+    return {"runs": answers, "simulated": any(answer["simulated"] for answer in answers)}
+
+
+def run_one(args: argparse.Namespace) -> dict:
+    """The answer for one T-file."""
     arrays = read_arrays(args.arrays)
     tfile = read_tfile(args.tfile, args.header_records, args.mode)
     try:
@@ -108,6 +133,11 @@ def document(result: GatingResult, files: list[Path], warnings: list[str], simul
 
 def report(answer: dict) -> str:
     """The answer of `gate` for a person."""
+    if "runs" in answer:
+        parts = [
+            f"day {one['day']}, run {one['run']}, mode {one['mode']}\n{report(one)}" for one in answer["runs"]
+        ]
+        return "\n\n".join(parts)
     bad = answer["bad_records"]
     lines = ["SIMULATED DATA"] if answer["simulated"] else []
     lines += [
@@ -128,6 +158,11 @@ def report(answer: dict) -> str:
 
 
 def _check(args: argparse.Namespace) -> None:
+    told = [args.tfile, args.arrays, args.mode]
+    if args.campaign and any(value is not None for value in told):
+        raise InputError("--campaign names T-file, arrays and mode itself; wanted either it or those")
+    if not args.campaign and any(value is None for value in told):
+        raise InputError("wanted TFILE, --arrays FILE and --mode M, or --campaign FILE")
     if not args.max_slant_range_ft > 0:
         raise InputError(f"--max-slant-range-ft is {args.max_slant_range_ft:g}, wanted feet above 0")
     if args.gap_counts < 1:
