@@ -6,6 +6,7 @@ in the right order, and what number they make (tenths of a foot, whole), without
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -18,7 +19,7 @@ from trackerlib.compiled import compiled, in_threads, warms
 COLUMNS = 68
 MARGIN = 80  # bytes behind the last record that a scan may look at
 EVERY_MODE = -1
-_CHUNK_BYTES = 32_000_000
+_CHUNK_BYTES = 4_000_000  # a thread of its own is worth its start
 _NEWLINE, _RETURN = 10, 13
 
 _word = np.uint64
@@ -55,9 +56,10 @@ def scan_records(text: np.ndarray, start: int, mode: int = EVERY_MODE) -> list[S
     The text must have one byte a character; stretches run in threads and end where lines end.
     """
     safe = _line_start(text, max(len(text) - 2 * MARGIN, start))
+    stretch = max(_CHUNK_BYTES, (safe - start) // (2 * (os.cpu_count() or 1)) + 1)
     cuts = [start]
-    while safe - cuts[-1] > _CHUNK_BYTES:
-        cuts.append(min(_line_start(text, cuts[-1] + _CHUNK_BYTES), safe))
+    while safe - cuts[-1] > stretch:
+        cuts.append(min(_line_start(text, cuts[-1] + stretch), safe))
     if safe > cuts[-1]:
         cuts.append(safe)
     jobs = [(text, first, last, mode) for first, last in pairwise(cuts)]
@@ -80,7 +82,13 @@ def _scan_stretch(text: np.ndarray, start: int, stop: int, mode: int) -> Scan:
     text = text.view()
     text.flags.writeable = False  # as a mapped file is, so that one compilation serves both
     aligned = text[: len(text) // 8 * 8].view(np.uint64)
-    return Scan(*_scan(text, aligned, start, stop, mode))
+    size = (stop - start) // (COLUMNS + 1) + _LINES
+    # made here and not in the kernel: NumPy asks the system for large pages
+    columns = [np.empty(size, kind) for kind in (np.int32, np.int32, np.int16, np.int8, np.bool_)]
+    line, count, array, modes, flagged = columns
+    position = np.empty((size, 3))
+    kept, *rest = _scan(text, aligned, start, stop, mode, line, count, position, array, modes, flagged)
+    return Scan(*(column[:kept] for column in (line, count, position, array, modes, flagged)), *rest)
 
 
 @compiled
@@ -193,12 +201,11 @@ def _line_end(text, place, stop):
 
 
 @compiled
-def _scan(text, aligned, start, stop, wanted):
-    """The fields of a Scan for the lines from `start` to `stop`, behind which MARGIN more bytes are."""
-    size = (stop - start) // (COLUMNS + 1) + _LINES
-    line, count = np.empty(size, np.int32), np.empty(size, np.int32)
-    position = np.empty((size, 3), np.float64)
-    array, mode, flagged = np.empty(size, np.int16), np.empty(size, np.int8), np.empty(size, np.bool_)
+def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode, flagged):
+    """Fills the columns of a Scan for the lines from `start` to `stop`, behind which MARGIN more bytes are.
+
+    Returns how many reports are kept, and the Scan's other fields.
+    """
     words, faults = np.empty((4, _LINES), np.uint64), np.empty((4, _LINES), np.uint64)
     values, wrong = np.empty((4, _LINES), np.float64), np.empty(_LINES, np.bool_)
     arrays, modes, marks = np.empty(_LINES, np.int64), np.empty(_LINES, np.int64), np.empty(_LINES, np.int64)
@@ -235,10 +242,7 @@ def _scan(text, aligned, start, stop, wanted):
             kept += (wanted < 0) | ((modes[k] == wanted) & (marks[k] == _NO_MARK))
         lines += many
         place += many * step
-    return (
-        line[:kept], count[:kept], position[:kept], array[:kept], mode[:kept], flagged[:kept],
-        odd[:odds], lines, good, first, of_mode, foreign,
-    )  # fmt: skip
+    return kept, odd[:odds], lines, good, first, of_mode, foreign
 
 
 def first_lines(scans: Sequence[Scan], first_line: int) -> list[int]:
