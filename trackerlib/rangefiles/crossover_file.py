@@ -96,7 +96,8 @@ def write_trpdotrx(path: str | Path, crossover: CrossoverSet, survey: ArraySurve
     trailer = CrossoverSet(
         crossover.pair,
         np.array([TRAILER_COUNT]),
-        *(survey.position_of(number)[None, :] for number in crossover.pair),
+        survey.position_of(crossover.pair[0])[None, :],
+        survey.position_of(crossover.pair[1])[None, :],
     )
     records = (crossover_text(one).split("\n", 1)[1] for one in (crossover, trailer))
     write_text(path, "".join(records))

@@ -84,11 +84,11 @@ def _scan_stretch(text: np.ndarray, start: int, stop: int, mode: int) -> Scan:
     aligned = text[: len(text) // 8 * 8].view(np.uint64)
     size = (stop - start) // (COLUMNS + 1) + _LINES
     # made here and not in the kernel: NumPy asks the system for large pages
-    columns = [np.empty(size, kind) for kind in (np.int32, np.int32, np.int16, np.int8, np.bool_)]
-    line, count, array, modes, flagged = columns
-    position = np.empty((size, 3))
+    line, count = np.empty(size, np.int32), np.empty(size, np.int32)
+    position, array = np.empty((size, 3)), np.empty(size, np.int16)
+    modes, flagged = np.empty(size, np.int8), np.empty(size, np.bool_)
     kept, *rest = _scan(text, aligned, start, stop, mode, line, count, position, array, modes, flagged)
-    return Scan(*(column[:kept] for column in (line, count, position, array, modes, flagged)), *rest)
+    return Scan(line[:kept], count[:kept], position[:kept], array[:kept], modes[:kept], flagged[:kept], *rest)
 
 
 @compiled
