@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackerlib.commands import main
-from trackerlib.crossover.straight_line import is_curved
+from trackerlib.crossover.smooth_track import is_curved
 from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.crossover_file import read_crossover
 from trackerlib.rangefiles.segment_file import read_segment

@@ -104,7 +104,7 @@ def gate_reports(
         unplaced=int(ended[UNPLACED]),
     )
     some = slice(None, None, 1 + len(vehicle) // 20_000)  # enough to tell feet from metres
-    sets = _matched_sets(vehicle.only(single), numbers, row[single], gap_counts)
+    sets = tuple(pair_up(vehicle.only(single), gap_counts))
     return GatingResult(
         mode=mode,
         counts=counts,
@@ -127,6 +127,39 @@ def gate_mode_and_flag(reports: PositionReports, mode: int) -> PositionReports:
     if np.all(kept.point_count[1:] >= kept.point_count[:-1]):
         return kept
     return kept.only(np.argsort(kept.point_count, kind="stable"))
+
+
+def gate_slant_range(
+    reports: PositionReports, survey: ArraySurvey, max_slant_range_ft: float
+) -> PositionReports:
+    """Gate 3 alone: reports at most so far from the surveyed position of the array that made them."""
+    array_position = survey.position[survey.index_of(reports.array)]
+    slant_range = np.linalg.norm(reports.position - array_position, axis=1)
+    return reports.only(slant_range <= max_slant_range_ft)
+
+
+def pair_up(reports: PositionReports, gap_counts: int = GAP_COUNTS) -> list[CrossoverSet]:
+    """Crossover sets of every two arrays that share point counts, split into passes.
+
+    reports : each array at most once at a point count, in order of point count
+    """
+    numbers, row = _rows(reports.array)
+    sizes, matches = match_pairs(reports.point_count, row, len(numbers))
+    sets: list[CrossoverSet] = []
+    end = 0
+    for a, b in np.argwhere(sizes):
+        first, second = matches[:, end : end + sizes[a, b]]
+        end += sizes[a, b]
+        whole = CrossoverSet(
+            pair=(int(numbers[a]), int(numbers[b])),
+            point_count=reports.point_count[first].astype(np.int64),
+            x=reports.position[first],
+            y=reports.position[second],
+            range_name=reports.range_name,
+            source=reports.source,
+        )
+        sets += split_passes(whole, gap_counts)
+    return sets
 
 
 def split_passes(crossover: CrossoverSet, gap_counts: int) -> list[CrossoverSet]:
@@ -176,26 +209,6 @@ def _places(numbers: np.ndarray, survey: ArraySurvey) -> np.ndarray:
     known[known] = ~survey.placeholder[row[known]]
     place[known] = survey.position[row[known]]
     return place
-
-
-def _matched_sets(reports, numbers, row, gap_counts) -> tuple[CrossoverSet, ...]:
-    """Crossover sets of every two arrays that share point counts, split into passes."""
-    sizes, matches = match_pairs(reports.point_count, row, len(numbers))
-    sets: list[CrossoverSet] = []
-    end = 0
-    for a, b in np.argwhere(sizes):
-        first, second = matches[:, end : end + sizes[a, b]]
-        end += sizes[a, b]
-        whole = CrossoverSet(
-            pair=(int(numbers[a]), int(numbers[b])),
-            point_count=reports.point_count[first].astype(np.int64),
-            x=reports.position[first],
-            y=reports.position[second],
-            range_name=reports.range_name,
-            source=reports.source,
-        )
-        sets += split_passes(whole, gap_counts)
-    return tuple(sets)
 
 
 def _warnings(reports, sets, survey, mode, unplaced_arrays, run_date) -> list[str]:

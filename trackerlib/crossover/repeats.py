@@ -97,11 +97,18 @@ def choose_repeats(
     return kept[keep], RepeatChoices(tracks, chosen, neighbours, by_hand, member, distance)
 
 
-def one_report_a_count(track: PositionReports) -> PositionReports:
-    """Reports of one array, in order of point count, with the choice made where it reported twice."""
-    kept = np.arange(len(track))
-    firsts = find_repeats(track.point_count, track.array)
-    return track.only(choose_repeats(track, kept, firsts)[0])
+def resolve_repeats(
+    reports: PositionReports, tracks: PositionReports
+) -> tuple[PositionReports, RepeatChoices]:
+    """Reports with one report for each array and point count, and every choice that was made.
+
+    reports : some of the vehicle's reports, in order of point count
+    tracks : all of them in that order, from which the array's own track near a repeat is taken
+    """
+    order = np.argsort(tracks.line, kind="stable")
+    kept = order[np.searchsorted(tracks.line, reports.line, sorter=order)]
+    kept, choices = choose_repeats(tracks, kept, find_repeats(reports.point_count, reports.array))
+    return tracks.only(kept), choices
 
 
 def predict_position(point_count: int, counts: np.ndarray, positions: np.ndarray) -> np.ndarray:

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, gate_mode_and_flag
-from trackerlib.crossover.repeats import one_report_a_count
+from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, gate_mode_and_flag, gate_slant_range
+from trackerlib.crossover.repeats import resolve_repeats
 from trackerlib.crossover.reports import PositionReports
-from trackerlib.crossover.straight_line import fit_straight_line, is_curved
+from trackerlib.crossover.smooth_track import is_curved
+from trackerlib.crossover.straight_line import fit_straight_line
 from trackerlib.crossover.survey import ArraySurvey
 
 MIN_PIECE = 15  # points of the shortest piece that says where a line runs
@@ -48,8 +49,8 @@ def straight_segments(
         row = int(survey.index_of(np.array([number]))[0])
         if row < 0 or survey.placeholder[row]:
             continue
-        own = one_report_a_count(vehicle.only(vehicle.array == number))
-        own = own.only(np.linalg.norm(own.position - survey.position[row], axis=1) <= max_slant_range_ft)
+        own = vehicle.only(vehicle.array == number)
+        own, _ = resolve_repeats(gate_slant_range(own, survey, max_slant_range_ft), own)
         cuts = np.flatnonzero(np.diff(own.point_count) > gap_counts) + 1
         pieces = [
             piece
