@@ -18,7 +18,7 @@ from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.textfiles import InputError, write_text
 from trackerlib.timing.causes import CauseFit, Ranking, compare_causes
-from trackerlib.timing.correction import TimingCorrection, fit_timing
+from trackerlib.timing.correction import METHODS, OUTLIERS, TimingCorrection, fit_timing
 
 SUMMARY = "estimate timing offset and drift from crossover sets"
 MOST_CAUSES = 12  # that an answer lists
@@ -49,6 +49,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--causes",
         action="store_true",
         help="also compare what else could part the tracks, on all sets together",
+    )
+    add(
+        "--method",
+        choices=METHODS,
+        default=METHODS[0],
+        help="weigh directions alike, or by M until it settles",
+    )
+    add(
+        "--outliers",
+        choices=OUTLIERS,
+        default=OUTLIERS[0],
+        help="out of all, out of M alone, or in everything",
     )
     add("--day", metavar="D", help="day of these sets, for --out")
     add("--run", metavar="R", help="run of these sets, for --out")
@@ -127,7 +139,8 @@ def run_campaign(args: argparse.Namespace) -> dict:
             print(f"timing: day {one.day}, run {one.run}: {note}", file=sys.stderr)
         for crossover in gated.sets:
             file = Path(f"day_{one.day}_run_{one.run}_mode_{one.mode}") / crossover_file_name(crossover)
-            fit = document(file, crossover, fit_timing(crossover, survey, profile))
+            timed = fit_timing(crossover, survey, profile, method=args.method, outliers=args.outliers)
+            fit = document(file, crossover, timed)
             answers.append({"day": one.day, "run": one.run, "vehicle": one.vehicle, **fit})
         simulated |= tfile.simulated
     if args.out:
