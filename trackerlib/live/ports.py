@@ -37,6 +37,7 @@ class Port(Protocol):
 
     name: str
     datagrams: bool  # each read is one whole message
+    has_baud: bool  # whether it has a rate that must be that of the other end
 
     def open(self) -> None:
         """Opens it, again if need be. Raises PortError."""
@@ -94,6 +95,7 @@ class SerialPort:
     """A serial device, 8 data bits, 1 stop bit, no parity; nobody else may have it open."""
 
     datagrams = False
+    has_baud = True
 
     def __init__(self, device: str, baud: int = 9600):
         self.name, self.baud = device, baud
@@ -111,7 +113,8 @@ class SerialPort:
         """What has come. Raises PortError if the cable was pulled."""
         opened = self._opened()
         try:
-            opened.timeout = timeout_s
+            if opened.timeout != timeout_s:
+                opened.timeout = timeout_s
             first = opened.read(1)
             return first + opened.read(min(opened.in_waiting, CHUNK)) if first else b""
         except (serial.SerialException, OSError, TypeError) as error:
@@ -164,6 +167,7 @@ class _SocketPort:
     """What TCP and UDP share."""
 
     datagrams = False
+    has_baud = False
     name = ""
 
     def __init__(self) -> None:
@@ -281,6 +285,7 @@ class FilePort:
     """A file played back, at so many bytes a second (0: as fast as it is read)."""
 
     datagrams = False
+    has_baud = False
 
     def __init__(self, path: str | Path, bytes_per_s: float = 0.0):
         self.path, self.bytes_per_s = Path(path), bytes_per_s
