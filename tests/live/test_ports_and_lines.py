@@ -24,7 +24,7 @@ def until(condition, seconds=10.0):
         if condition():
             return True
         time.sleep(0.01)
-    return condition()
+    return False
 
 
 def free_port(kind=socket.SOCK_STREAM):

@@ -22,7 +22,8 @@ from trackerlib.receiver.periods import Period, PeriodCounter
 from trackerlib.receiver.sail import AUTOMATIC_GAIN, Fault, Maximum, ReceiverParameters, set_attenuator
 
 PATIENCE = 3  # faults in a row after which the line is looked at afresh
-SILENT_PERIODS, SILENT_ANSWERS = 2.5, 8  # without a buffer, after which the receiver is told to start
+UNSURE = 8  # buffers in a row of unknown period, after which counting begins anew
+SILENT_PERIODS, SILENT_ANSWERS = 4.5, 8  # without a buffer, after which the receiver is told to start
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class ReceiverPoller:
         self.no_position = ""
         self.counter = PeriodCounter(settings.period_s)
         self._shown_after = -1  # the period after which the attenuation was shown
-        self._in_a_row = self._empty = 0
+        self._in_a_row = self._empty = self._unsure = 0
         self._buffer_s = self._asked_position_s = -math.inf
         self._utc_s: float | None = None
 
@@ -128,7 +129,7 @@ class ReceiverPoller:
     def _begin_run(self) -> None:
         self.run += 1
         self._begun = True
-        self.uncertain = self._empty = 0
+        self.uncertain = self._unsure = self._empty = 0
         self.counter = PeriodCounter(self.settings.period_s)
         self._buffer_s = self.now()
         self._ask_attenuation(-1)
@@ -142,7 +143,7 @@ class ReceiverPoller:
         found = self.host.maxima(self.settings.parameters.maxima)
         after = self.now()
         if isinstance(found, Fault):
-            self.counter.lost()
+            self.counter.lost(after)
             self._fault(found)
         elif not found:
             self._in_a_row = 0
@@ -156,9 +157,12 @@ class ReceiverPoller:
     def _take(self, maxima: tuple[Maximum, ...], before: float, after: float) -> None:
         number = self.counter.number(before, after)
         if number is None:
-            self.uncertain += 1
+            self.uncertain, self._unsure = self.uncertain + 1, self._unsure + 1
             self._shown_after = -2
+            if self._unsure >= UNSURE:
+                self._begin_run()
             return
+        self._unsure = 0
         attenuation = self.attenuation_db if self._shown_after == number - 1 else math.nan
         samples = self.settings.parameters.period_samples
         self.keeper.keep_period(self.run, Period(number, after, maxima, attenuation, samples))

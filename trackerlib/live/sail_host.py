@@ -20,7 +20,6 @@ from trackerlib.live import nmea
 from trackerlib.live.ports import Port, PortError
 from trackerlib.receiver.sail import (
     BAUD_RATES,
-    ETX,
     FIRST_BAUD,
     GPS,
     HELP,
@@ -46,10 +45,12 @@ from trackerlib.receiver.sail import (
     dump_command,
     load_command,
     set_attenuator,
+    shown,
 )
 
 QUIET_S = 0.5  # a unit that says nothing for so long has said all
 CALM_S, LONGEST_CALM_S = 0.1, 2.0  # silence after a fault, and how long it is waited for
+TYPED_S = 0.25  # silence that ends the answer to what a person typed
 BITS = 10  # of a character on the line
 PARTING = "it may be deaf after a wrong baud command, or off: press its reset button"
 
@@ -112,7 +113,7 @@ class SailHost:
             return Reply(b"", b"")
         said = self._exchange(Exchange(address(unit)))
         if isinstance(said, Reply) and said.body:
-            return Fault("garbled", f"#{unit} answered '{said.body[:20]!r}'; wanted its prompt alone")
+            return Fault("garbled", f"#{unit} answered {shown(said.body)}; wanted its prompt alone")
         if isinstance(said, Reply):
             self._addressed = unit
         return said
@@ -147,7 +148,7 @@ class SailHost:
             return said
         if said.body:
             return Fault(
-                "garbled", f"found '{said.body[:40]!r}' after {said.command!r}; wanted the prompt alone"
+                "garbled", f"found {shown(said.body)} after {shown(said.command)}; wanted the prompt"
             )
         return None
 
@@ -225,7 +226,7 @@ class SailHost:
             self._addressed = None
             return second
         if b"GOT 4" not in first.body or b"DONE" not in second.body:
-            return Fault("garbled", f"the link test answered {first.body!r}, {second.body!r}")
+            return Fault("garbled", f"the link test answered {shown(first.body)}, {shown(second.body)}")
         return None
 
     # -- rates ---------------------------------------------------------------------------------
@@ -302,16 +303,14 @@ class SailHost:
         return said if isinstance(said, Fault) else decode_position(said.body)
 
     def type(self, text: bytes) -> bytes | Fault:
-        """Sends characters as they are and gives what comes back until an ETX or silence: for a terminal."""
+        """Sends characters as they are and gives what comes back until there is silence: for a terminal."""
         self._addressed = None
         heard = b""
         try:
             self.port.write(text)
-            while data := self.port.read(self.quiet_s):
+            while len(heard) < LONGEST_REPLY and (data := self.port.read(TYPED_S)):
                 self._on_bytes(data)
                 heard += data
-                if heard.endswith(ETX) or len(heard) > LONGEST_REPLY:
-                    break
         except PortError as error:
             return Fault("gone", str(error))
         return heard
@@ -325,12 +324,12 @@ def decode_position(body: bytes) -> GpsReading | Fault:
     fields = [field.strip() for field in body.decode("ascii", "replace").split(",")]
     wanted = "HHMMSS,DDMM.hh,N,DDDMM.hh,E,x,x,DOP,..."
     if len(fields) < 8:
-        return Fault("garbled", f"the GPS said {body[:60]!r}; wanted {wanted}")
+        return Fault("garbled", f"the GPS said {shown(body)}; wanted {wanted}")
     try:
         time_of_day = nmea.time_of_day(fields[0])
         position, why = nmea.gga_position(fields[1:8])
     except ValueError as error:
-        return Fault("garbled", f"the GPS said {body[:60]!r}: {error}")
+        return Fault("garbled", f"the GPS said {shown(body)}: {error}")
     if time_of_day is None:
-        return Fault("garbled", f"the GPS said {body[:60]!r}: no time; wanted {wanted}")
+        return Fault("garbled", f"the GPS said {shown(body)}: no time; wanted {wanted}")
     return GpsReading(time_of_day, position, why)

@@ -41,38 +41,52 @@ class PeriodCounter:
 
     def __init__(self, period_s: float):
         self.period_s = period_s
-        self.last: int | None = None
+        self.last: int | None = None  # the last number given
         self._earliest = self._latest = math.nan  # between which period 0 ended
         self._at_s = math.nan
-        self._lost = False
+        self._least = 0  # the next buffer is of this period or a later one
+        self._newest = 0  # no buffer of a later period than this has been sent
+        self._nothing_s = -math.inf  # when last nothing new was ready
 
     def number(self, before_s: float, after_s: float) -> int | None:
         """The period of a buffer that was asked for at one instant and there at another; None if it may be of two."""
         if self.last is None:
-            self.last, self._at_s = 0, after_s
-            self._earliest, self._latest = after_s - self.period_s, after_s
+            self._earliest = max(after_s - self.period_s, self._nothing_s)
+            self._latest = self._at_s = after_s
+            self.last, self._least = 0, 1
             return 0
         self._creep(after_s)
-        lowest = max(self.last + 1, math.floor((before_s - self._latest) / self.period_s))
-        highest = math.floor((after_s - self._earliest) / self.period_s)
+        # The next one was not ready yet, and this one was not when there was nothing.
+        ended = max(
+            (before_s - self._latest) / self.period_s, (self._nothing_s - self._latest) / self.period_s + 1
+        )
+        lowest = max(self._least, math.floor(ended))
+        highest = self._newest_by(after_s)
+        self._least, self._newest = lowest + 1, max(self._newest, highest)
         if highest != lowest:
-            self._lost = True
             return None
-        self.last, self._lost = lowest, False
+        self.last = lowest
         self._latest = min(self._latest, after_s - lowest * self.period_s)
         self._earliest = min(self._earliest, self._latest)
         return lowest
 
     def not_ready(self, before_s: float) -> None:
         """Takes note that no new buffer was ready at an instant."""
-        if self.last is not None and not self._lost:
+        self._nothing_s = before_s
+        if self.last is not None:
             self._creep(before_s)
-            ended = before_s - (self.last + 1) * self.period_s
+            ended = before_s - (self._newest + 1) * self.period_s
             self._earliest = min(max(self._earliest, ended), self._latest)
 
-    def lost(self) -> None:
-        """Takes note that a buffer may have been sent that did not arrive."""
-        self._lost = True
+    def lost(self, after_s: float) -> None:
+        """Takes note that a buffer may have been sent by an instant that did not arrive."""
+        if self.last is not None:
+            self._creep(after_s)
+            self._newest = max(self._newest, self._newest_by(after_s))
+
+    def _newest_by(self, instant_s: float) -> int:
+        """Number of the newest period that may have ended by an instant."""
+        return math.floor((instant_s - self._earliest) / self.period_s)
 
     def _creep(self, now_s: float) -> None:
         slack = CREEP * max(now_s - self._at_s, 0.0)

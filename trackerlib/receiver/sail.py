@@ -166,7 +166,7 @@ class Exchange:
             return Fault("silent", f"{self._said()}: not even the echo came back; is the line connected?")
         if heard == self.command:
             return Fault("no answer", f"{self._said()}: the echo came back, but the unit did not answer")
-        return Fault("stopped", f"{self._said()}: the answer stopped in mid-message after {_shown(heard)}")
+        return Fault("stopped", f"{self._said()}: the answer stopped in mid-message after {shown(heard)}")
 
     def _answer(self) -> Reply | Fault:
         heard = bytes(self._heard)
@@ -182,7 +182,7 @@ class Exchange:
             even = True
         if not self.prompted:
             if plain != self.command:
-                return Fault("garbled", f"{self._said()}: the echo was {_shown(plain)}")
+                return Fault("garbled", f"{self._said()}: the echo was {shown(plain)}")
             return Reply(self.command, b"")
         body, missed = _after_echo(self.command, plain[:-1])
         for ending in (b"\r\n:", b"\n:"):
@@ -192,7 +192,7 @@ class Exchange:
         return Reply(self.command, body, missed, even)
 
     def _said(self) -> str:
-        return f"asked {_shown(self.command)}"
+        return f"asked {shown(self.command)}"
 
 
 def _after_echo(command: bytes, heard: bytes) -> tuple[bytes, bool]:
@@ -212,7 +212,7 @@ def decode_maxima(body: bytes, maxima: int) -> tuple[Maximum, ...] | Fault:
         return ()
     text = body.decode("ascii", "replace")
     if len(text) != 8 * maxima or not _is_hex(text):
-        return Fault("garbled", f"found {_shown(body)}; wanted {8 * maxima} hex digits for {maxima} maxima")
+        return Fault("garbled", f"found {shown(body)}; wanted {8 * maxima} hex digits for {maxima} maxima")
     words = [int(text[k : k + 4], 16) for k in range(0, len(text), 4)]
     found = tuple(Maximum(value, index) for value, index in zip(words[::2], words[1::2], strict=True))
     return tuple(one for one in found if one.value > 0)
@@ -225,7 +225,7 @@ def decode_attenuator(body: bytes) -> int | Fault:
     for attenuation, known in zip(ATTENUATOR_DB, ATTENUATOR_CODES, strict=True):
         if code == known & SWITCHES:
             return attenuation
-    return Fault("garbled", f"found {_shown(body)} as attenuator; wanted two hex digits of Table 5-2")
+    return Fault("garbled", f"found {shown(body)} as attenuator; wanted two hex digits of Table 5-2")
 
 
 def decode_dump(body: bytes, start: int, length: int) -> bytes | Fault:
@@ -246,7 +246,7 @@ def decode_dump(body: bytes, start: int, length: int) -> bytes | Fault:
     except ValueError:
         content.clear()
     if len(content) != length:
-        return Fault("garbled", f"found {_shown(body)}; wanted {length} bytes of memory from {start:04X}h")
+        return Fault("garbled", f"found {shown(body)}; wanted {length} bytes of memory from {start:04X}h")
     return bytes(content)
 
 
@@ -254,7 +254,7 @@ def _is_hex(text: str) -> bool:
     return all(letter in "0123456789ABCDEFabcdef" for letter in text)
 
 
-def _shown(data: bytes) -> str:
+def shown(data: bytes) -> str:
     """Characters as a person can read them, cut short."""
     text = data[:40].decode("latin-1").encode("unicode_escape").decode("ascii")
     return f"'{text}{'...' if len(data) > 40 else ''}'"
