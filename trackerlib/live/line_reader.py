@@ -12,6 +12,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from trackerlib.live.ports import Port, PortEnded, PortError
@@ -71,10 +72,23 @@ class LineSplitter:
 
 
 class LineReader:
-    """Reads a port in a thread of its own, connects again when it is lost, and never waits for the app."""
+    """Reads a port in a thread of its own, connects again when it is lost, and never waits for the app.
 
-    def __init__(self, port: Port, raw_log: RawLog | None = None, capacity: int = CAPACITY):
+    capacity : lines kept until they are fetched
+    also : told every piece of bytes and its instant, as the raw log is, before it is cut into lines
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        raw_log: RawLog | None = None,
+        capacity: int = CAPACITY,
+        also: Callable[[bytes, float], None] | None = None,
+    ):
         self.port, self.raw_log = port, raw_log
+        self._keepers = [
+            keep for keep in (None if raw_log is None else raw_log.write, also) if keep is not None
+        ]
         self._queue: deque[TimedLine] = deque(maxlen=capacity)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -161,8 +175,8 @@ class LineReader:
                 self._cut_short("no more came")
 
     def _take(self, data: bytes, utc_s: float, whole: bool = False) -> None:
-        if self.raw_log is not None and data:
-            self.raw_log.write(data, utc_s)
+        for keep in self._keepers if data else ():
+            keep(data, utc_s)
         self._heard_s = time.monotonic()
         self._bytes += len(data)
         overlong = self._splitter.overlong
