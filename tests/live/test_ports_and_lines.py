@@ -10,6 +10,7 @@ import sys
 import time
 
 import pytest
+from waiting import until
 
 from trackerlib.live.line_reader import LineReader, LineSplitter
 from trackerlib.live.ports import PortError, SerialPort, TcpPort, UdpPort, open_port
@@ -27,16 +28,6 @@ for k in range(2000):
     time.sleep(max(0.0, began + k * 1e-3 - time.monotonic()))
     out.sendto(b"$GPXXX,%05d," % k + b"x" * 60 + b"\\r\\n", ("127.0.0.1", int(sys.argv[1])))
 """
-
-
-def until(condition, seconds=10.0):
-    """Waits for a condition; whether it came true."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 def free_port(kind=socket.SOCK_STREAM):

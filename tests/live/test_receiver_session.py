@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-import time
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from waiting import until
 
 from trackerlib.beacon.fix import FixSettings, fix_beacon
 from trackerlib.beacon.navigation import pings_of_stream, ship_at_receptions
@@ -50,16 +50,6 @@ class StepClock:
 def served_line(kind, hunt, clock, faults=()):
     line = SailLine(hunt, clock.elapsed, faults, clock.began_s, minute_decimals=4)
     return line, TcpLine(line, "127.0.0.1", 0) if kind == "tcp" else PtyLine(line)
-
-
-def until(condition, seconds=20.0):
-    """Waits for a condition; whether it came true."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 def fix_of(arrivals, fixes, gps_rms_m, motion="still"):
