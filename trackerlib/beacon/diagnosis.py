@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackerlib.beacon.fix import SEARCH_PINGS, problem_of
+from trackerlib.beacon.attempt import SEARCH_PINGS, problem_of
 from trackerlib.beacon.minimise import descend
 from trackerlib.beacon.motion import motion_over
 from trackerlib.beacon.pings import Pings

@@ -142,10 +142,11 @@ class Misfit:
         return np.einsum("snk,sn,snl->skl", along, self.weight, along)
 
 
-def descend(problem, beacon, weight, *, steps, axes):
+def descend(problem, beacon, weight, *, steps, axes, log=None):
     """States (S, P) after some Levenberg-Marquardt steps with frozen weights, and the last step [m].
 
     Each start has its own damping; a step is kept only where it lessens the sum of squares.
+    log : a Recorder that notes every step
     """
     damping = np.full(len(beacon), 1e-3)
     misfit = problem.eliminate(beacon, weight)
@@ -165,6 +166,8 @@ def descend(problem, beacon, weight, *, steps, axes):
         damping = np.clip(np.where(better, damping * 0.1, damping * 10), 1e-12, 1e6)
         beacon = np.where(better[:, None], trial, beacon)
         misfit = problem.eliminate(beacon, weight)
+        if log is not None:
+            log.note(beacon, misfit, moved, damping)
         if np.all(moved < 1e-5):
             break
     return beacon, moved
@@ -189,10 +192,11 @@ def biweight_cost(residual: np.ndarray, scale: float) -> np.ndarray:
     return (TUKEY**2 / 3 * (1 - (1 - u**2) ** 3)).sum(axis=1)
 
 
-def robust_descent(problem, beacon, *, rounds, steps, axes=None):
+def robust_descent(problem, beacon, *, rounds, steps, axes=None, log=None):
     """States (S, P) after redescending least squares, with the scale (S,) [s] at which it ended.
 
     axes : free directions, where not those of the problem
+    log : a Recorder that notes the start of least scale in every round
     """
     axes = problem.axes if axes is None else axes
     weight = np.ones((len(beacon), len(problem.time)))
@@ -204,13 +208,15 @@ def robust_descent(problem, beacon, *, rounds, steps, axes=None):
             residual = residual - np.median(residual, axis=1, keepdims=True)
         scale = scale_of(residual, problem.unknowns, problem.time_sigma_s)
         weight = biweight(residual, scale) * problem.relative_weight(misfit.gradient)
+        if log is not None:
+            log.note(beacon, replace(misfit, weight=weight), best=int(np.argmin(scale)))
         beacon, moved = descend(problem, beacon, weight, steps=steps, axes=axes)
         if np.all(moved < 1e-4) and round_number > 3:
             break
     return beacon, scale
 
 
-def settle(problem, beacon, scale, *, reject, axes=None):
+def settle(problem, beacon, scale, *, reject, axes=None, log=None):
     """One state (P,) by least squares on the pings within CUT scales, renewed until none changes.
 
     Returns the state, which pings were used (N,), and whether the last step had come to rest.
@@ -230,7 +236,7 @@ def settle(problem, beacon, scale, *, reject, axes=None):
         for _ in range(3):  # weights follow the geometry, frozen within each descent
             gradient = problem.times(beacon)[1]
             weight = keep * np.nan_to_num(problem.relative_weight(gradient))
-            beacon, moved = descend(problem, beacon, weight, steps=30, axes=axes)
+            beacon, moved = descend(problem, beacon, weight, steps=30, axes=axes, log=log)
         if reject == "none":
             break
         residual = problem.eliminate(beacon, weight).residual

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.folds import unfold
 from trackerlib.beacon.observability import Unobservable
 from trackerlib.beacon.pings import Pings
@@ -79,6 +80,7 @@ class BeaconFix:
     along_track_m: float | None = None  # from the first ping, along a straight track
     closest_slant_range_m: float | None = None  # from a straight track
     method: str = "all-pings"  # one of METHODS
+    log: tuple[Step, ...] = ()  # how the minimisation went
     simulated: bool = False
 
     @property

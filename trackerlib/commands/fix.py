@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from trackerlib.beacon.choice import compare_models, usual_models
+from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.navigation import PositionLimits, pings_of_stream, ship_at_receptions
@@ -103,6 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"also write {', '.join(SUFFIXES)}",
     )
     add("--compare", action="store_true", help="also score the motions and speeds of sound to choose from")
+    add("--log", action="store_true", help="also tell how the minimisation went, step by step")
     add("--gpx-version", choices=("1.1", "1.0"), default="1.1", help="of an exported .gpx")
     add("--reject", choices=("auto", "none"), default="auto", help="leave out false returns, or nothing")
 
@@ -194,6 +196,8 @@ def run(args: argparse.Namespace) -> dict:
         layout = f"gpx-{args.gpx_version}" if path.suffix.lower() == ".gpx" else None
         export_fix(fix, path, layout, pings=pings, settings=settings)
     answer = document(fix)
+    if args.log:
+        answer["log"] = [_step(step) for step in fix.log]
     if args.compare:
         answer["models"] = [
             {
@@ -252,6 +256,22 @@ def document(fix: BeaconFix) -> dict:
         answer["along_track_m"] = fix.along_track_m
         answer["closest_slant_range_m"] = fix.closest_slant_range_m
     return answer
+
+
+def _step(step: Step) -> dict:
+    east, north, up = (float(value) for value in step.position)
+    return {
+        "stage": step.stage,
+        "iteration": step.iteration,
+        "east_m": east,
+        "north_m": north,
+        "up_m": up,
+        "rms_ms": step.rms_ms,
+        "step_m": step.step_m,
+        "damping": step.damping,
+        "pings": step.pings,
+        "words": str(step),
+    }
 
 
 def _uncertainty(fix: BeaconFix) -> dict:
@@ -389,6 +409,7 @@ def report(answer: dict) -> str:
     named, more = answer["rejected"][:MOST_NAMED], len(answer["rejected"]) - MOST_NAMED
     rejected = (", ".join(map(str, named)) or "none") + (f" and {more} more" if more > 0 else "")
     lines.append(f"pings     {answer['used']} of {answer['pings']} used; left out: {rejected}")
+    lines += [f"step      {step['words']}" for step in answer.get("log", [])]
     return "\n".join(lines)
 
 
