@@ -14,10 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from trackerlib.beacon.attempt import Attempt, Candidate, problem_of
+from trackerlib.beacon.clock import pinger_clock
 from trackerlib.beacon.convergence import Recorder
 from trackerlib.beacon.fix_pairs import fix_experiments
 from trackerlib.beacon.folds import refold
-from trackerlib.beacon.motion import motion_over
+from trackerlib.beacon.motion import FREE_DIRECTIONS, motion_over
 from trackerlib.beacon.objections import impossible_times, objection
 from trackerlib.beacon.observability import (
     Unobservable,
@@ -27,7 +28,7 @@ from trackerlib.beacon.observability import (
 )
 from trackerlib.beacon.on_a_line import UNREACHABLE, fix_on_a_line
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.result import BeaconFix, blank_fix
+from trackerlib.beacon.result import BeaconFix, blank_fix, timed
 from trackerlib.beacon.search import candidates_of
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, FixSettings
 from trackerlib.beacon.unbiased import unbiased
@@ -51,35 +52,45 @@ def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
     if settings.method == "pairs":
         return fix_experiments(pings, settings)
     blank, allowed = blank_fix(pings, settings)
-    motion = motion_over(settings.motion, blank.elapsed_s)
-    needed = len(motion.axes) + (0 if settings.emission_known else 1) + SPARE_PINGS
-    if allowed.sum() < needed:
-        return replace(
-            blank,
-            reason=f"{int(allowed.sum())} usable pings; with fewer than {needed} the unknowns fit anything, "
-            "so collect more",
-        )
-    if motion.moving and not pings.timed and settings.interval_s is None:
-        return replace(
-            blank,
-            reason="a moving beacon needs the instant of each ping: a column utc or time_s, or the interval",
-        )
-    problem = problem_of(pings, blank, allowed, settings, motion)
-    frame = blank.frame
-    extra = None if settings.start is None else frame.to_local(*settings.start[:2], -settings.start[2])
-    recorder = Recorder(motion.at(0.0))
-    attempt = Attempt(problem, motion, blank, allowed, settings, extra, recorder)
-    fix = _fixed(attempt)
-    for _ in range(FOLDED_ROUNDS if settings.interval_s else 0):
-        if fix.residual_s is None:
+    if reason := _too_little(pings, allowed, settings):
+        return replace(blank, reason=reason)
+    for _ in range(FOLDED_ROUNDS if settings.interval_s else 1):
+        time = blank.time_s[allowed]
+        fix = _fixed(_attempt(pings, blank, allowed, settings))
+        if settings.interval_s is None or fix.residual_s is None:
             break
-        time = refold(problem.time, fix.residual_s[allowed], settings.interval_s)
-        if np.array_equal(time, problem.time):
+        renewed = refold(time, fix.residual_s[allowed], settings.interval_s)
+        if np.array_equal(renewed, time):
             break
-        problem = replace(problem, time=time)
-        attempt = replace(attempt, problem=problem)
-        fix = _fixed(attempt)
+        blank = timed(blank, renewed, pings, allowed, settings)
     return fix
+
+
+def _too_little(pings: Pings, allowed: np.ndarray, settings: FixSettings) -> str | None:
+    """Why the pings allowed (N,) cannot give a fix, whatever they say."""
+    needed = len(FREE_DIRECTIONS[settings.motion]) + settings.linear_unknowns + SPARE_PINGS
+    if allowed.sum() < needed:
+        return f"{int(allowed.sum())} usable pings; with fewer than {needed} the unknowns fit anything, so collect more"
+    if settings.motion != "still" and not pings.timed and settings.interval_s is None:
+        return "a moving beacon needs the instant of each ping: a column utc or time_s, or the interval"
+    return None
+
+
+def _attempt(pings: Pings, blank: BeaconFix, allowed: np.ndarray, settings: FixSettings) -> Attempt:
+    motion = motion_over(settings.motion, blank.elapsed_s)
+    return Attempt(
+        problem=problem_of(pings, blank, allowed, settings, motion),
+        motion=motion,
+        blank=blank,
+        allowed=allowed,
+        settings=settings,
+        extra_start=None
+        if settings.start is None
+        else blank.frame.to_local(*settings.start[:2], -settings.start[2]),
+        log=Recorder(motion.at(0.0)),
+        clock=pinger_clock(pings, blank.time_s[allowed], allowed, settings),
+        heading_rad=pings.heading_rad,
+    )
 
 
 def fix_history(
@@ -97,7 +108,8 @@ def _fixed(attempt: Attempt) -> BeaconFix:
 
 def _judged(attempt: Attempt) -> BeaconFix:
     track = straight_track(attempt.problem.ship)
-    ship_sigma = ASSUMED_SHIP_RMS_M if attempt.settings.gps_rms_m is None else attempt.settings.gps_rms_m
+    told = attempt.settings.ship_rms_m
+    ship_sigma = ASSUMED_SHIP_RMS_M if told is None else told
     if track.length_m < ONE_PLACE * max(ship_sigma, 1.0):
         why = (
             f"the ship stayed within {track.length_m:.0f} m: from one place nothing can be told but changes of "
@@ -116,7 +128,9 @@ def _judged(attempt: Attempt) -> BeaconFix:
     if not candidates:
         return replace(attempt.blank, reason=UNREACHABLE)
     best = candidates[0]
-    fix = attempt.describe(best, unbiased(attempt, best))
+    attempt = replace(attempt, problem=replace(attempt.problem, noise_s=best.noise_s))
+    better = unbiased(attempt, best)
+    fix = attempt.describe(best, better.state, better.covariance)
     if fix.uncertainty is not None:
         slant_range = attempt.problem.slant_range(best.position)
         for instant in (0.0, 2 * attempt.motion.half_s)[: 1 + attempt.motion.moving]:

@@ -22,7 +22,7 @@ from trackerlib.beacon.pairs import (
     shared_covariance,
 )
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.result import BeaconFix, blank_fix, time_sigma, unfolded_times
+from trackerlib.beacon.result import BeaconFix, blank_fix, time_sigma
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, FixSettings
 from trackerlib.beacon.uncertainty import Uncertainty
 from trackerlib.residuals import ResidualCorrelation
@@ -62,8 +62,8 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
     pairs = experiments(count, spacing, step)
     heard = np.unique(pairs)
     ship, elapsed = blank.ship[rows], blank.elapsed_s[rows]
-    time = unfolded_times(pings, blank.ship, allowed, settings)
-    gps_rms = ASSUMED_SHIP_RMS_M if settings.gps_rms_m is None else settings.gps_rms_m
+    time = blank.time_s[rows]
+    gps_rms = ASSUMED_SHIP_RMS_M if settings.ship_rms_m is None else settings.ship_rms_m
     track = straight_track(ship[heard])
     if track.is_straight(max(gps_rms, 0.1)):
         unseen = unseen_beside_line(track)
@@ -149,6 +149,7 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
         emission_offset_s=offset,
         log=tuple(log),
         sound_speed_mps=speed,
+        sigma_sound_speed_mps=settings.speed_sigma_mps,
     )
     slant_range = float(np.median(np.linalg.norm(position - ship[heard], axis=1)))
     for instant in (0.0, float(elapsed[-1])):

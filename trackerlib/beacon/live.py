@@ -184,7 +184,7 @@ class LiveFix:
 
     def _variances(self) -> tuple[float, float]:
         """Variances [m^2] of a ship position (each axis) and of a range, before scaling to the residuals."""
-        return (self.settings.gps_rms_m or 0.0) ** 2, (self._speed_mps * self._time_sigma_s) ** 2
+        return (self.settings.ship_rms_m or 0.0) ** 2, (self._speed_mps * self._time_sigma_s) ** 2
 
     def _solve(self) -> None:
         theta = self._theta.copy()

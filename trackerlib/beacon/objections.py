@@ -14,6 +14,7 @@ from trackerlib.beacon.result import BeaconFix
 
 FEWEST_CHANGES = 8  # pairs of pings from which impossible times are told
 DRIFTING_LENGTH = 3.0  # residuals that count as one, from which a still beacon's motion is looked for
+MANY_TIMES = 10  # pings for every unknown: residuals this alike are then no want of pings
 SLOWEST_MPS = 0.02  # below this a beacon is not said to move
 MOVING_SHARE = 0.4  # of the still fit's squares: a drift that leaves less shows that the beacon moves
 
@@ -42,16 +43,13 @@ def objection(attempt: Attempt, best, fix, unseen, others) -> str | None:
     if edge:
         return f"the best fit lies on the edge of the search region: {edge}; widen it or check the times"
     if fix.uncertainty is None:
-        return (
-            f"{int(fix.used.sum())} pings with residuals this alike say too little for a standard error; "
-            "collect more"
-        )
+        return _no_standard_error(attempt, fix)
     for when, instant in (("first", 0.0), ("last", 2 * attempt.motion.half_s)):
         depth = depth_below_surface(fix.at(instant)[0])
         if attempt.motion.moving and depth < -2 * np.sqrt(fix.at(instant)[1][2, 2]):
             return (
                 f"at the {when} ping the beacon would have been {-depth:.0f} m above the surface; "
-                "it does not move like this, or the times are wrong"
+                "choose another motion, or check the times"
             )
     if why := _moves(attempt, best, fix):
         return why
@@ -67,6 +65,19 @@ def objection(attempt: Attempt, best, fix, unseen, others) -> str | None:
     if not _as_steep_as_stated(attempt, best, fix):
         return "the misfit is flatter than its ellipse says, so no honest sigma can be given; sail further"
     return None
+
+
+def _no_standard_error(attempt: Attempt, fix: BeaconFix) -> str:
+    settings, used = attempt.settings, int(fix.used.sum())
+    if used < MANY_TIMES * attempt.problem.unknowns:
+        return f"{used} pings with residuals this alike say too little for a standard error; collect more"
+    cause = "check ship positions and the speed of sound, or tell the motion"
+    if settings.interval_s is not None and not settings.estimate_interval:
+        cause = "estimate the interval of the pinger as well"
+    return (
+        f"the residuals of all {used} pings hang together, so the picture behind the fix is wrong and no standard "
+        f"error can be given; {cause}"
+    )
 
 
 def _moves(attempt: Attempt, best: Candidate, fix: BeaconFix) -> str | None:

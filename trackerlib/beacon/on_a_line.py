@@ -20,6 +20,7 @@ def fix_on_a_line(attempt: Attempt, track: StraightTrack) -> BeaconFix:
 
     The pair stands 45 degrees down on either side; every other point of the circle fits as well.
     """
+    attempt = replace(attempt, problem=replace(attempt.problem, slowness_sigma=None))
     down = np.array([0.0, 0.0, -1.0])
     below = _below_line(attempt, track, down) - track.centre
     slopes = [(side * track.across + down) / np.sqrt(2) for side in (1, -1)]
@@ -89,6 +90,5 @@ def _in_plane(attempt: Attempt, track, along: float, radius: float, slope: np.nd
     position, keep, at_rest = settle(
         attempt.problem, found[0], scale[0], reject=attempt.settings.reject, axes=axes, log=log
     )
-    return Candidate(
-        position, keep, at_rest, float(attempt.cost(position[None], float(scale[0]), attempt.problem)[0])
-    )
+    cost = attempt.cost(position[None], float(scale[0]), attempt.problem)
+    return Candidate(position, keep, at_rest, float(scale[0]), float(cost[0]))

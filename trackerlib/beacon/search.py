@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from trackerlib.beacon.attempt import TYPICAL_DEPTH_M, Attempt, Candidate
 from trackerlib.beacon.minimise import Problem, robust_descent, scale_of, settle, starts
 from trackerlib.beacon.squared_range import linear_start
+from trackerlib.residuals import residual_correlation
 
 SAME_PLACE_SHARE = 0.02  # of the slant range: solutions closer than this are one
+PRIOR_ROUNDS = 3  # after which the weight of a prior no longer changes
 
 
 def candidates_of(attempt: Attempt) -> list[Candidate]:
@@ -28,11 +32,26 @@ def candidates_of(attempt: Attempt) -> list[Candidate]:
     settled = []
     for k in range(len(found)):
         log.begin("settle" if len(found) == 1 else f"settle place {k + 1} of {len(found)}")
-        settled.append(settle(attempt.problem, found[k], scale[k], reject=attempt.settings.reject, log=log))
-    positions = np.array([position for position, _, _ in settled])
-    cost = attempt.cost(positions, _common_scale(attempt, settled), attempt.problem)
-    kept = _distinct(attempt, positions, cost)
-    return [Candidate(settled[k][0], settled[k][1], settled[k][2], float(cost[k])) for k in kept]
+        settled.append(_settled(attempt, found[k], float(scale[k])))
+    positions = np.array([candidate.position for candidate in settled])
+    common = _common_scale(attempt, settled)
+    cost = attempt.cost(positions, common, replace(attempt.problem, noise_s=common))
+    return [replace(settled[k], cost=float(cost[k])) for k in _distinct(attempt, positions, cost)]
+
+
+def _settled(attempt: Attempt, state: np.ndarray, scale: float) -> Candidate:
+    """Where a state comes to rest; a prior of the speed of sound is weighed by the noise found there."""
+    problem, log = replace(attempt.problem, noise_s=scale), attempt.log
+    for _ in range(1 if problem.slowness_sigma is None else PRIOR_ROUNDS):
+        state, keep, at_rest = settle(problem, state, scale, reject=attempt.settings.reject, log=log)
+        weight = keep * np.nan_to_num(problem.relative_weight(problem.times(state[None])[1]))
+        misfit = problem.eliminate(state[None], weight)
+        whitened = (misfit.residual * np.sqrt(misfit.weight))[0, keep]
+        square = whitened @ whitened / max(keep.sum() - problem.unknowns, 1)
+        scale = float(max(np.sqrt(square), problem.time_sigma_s))
+        length = residual_correlation(whitened).length
+        problem = replace(problem, noise_s=scale * np.sqrt(length))
+    return Candidate(state, keep, at_rest, problem.noise_s)
 
 
 def _linear_start(attempt: Attempt, straight: Problem) -> np.ndarray:
@@ -46,10 +65,11 @@ def _linear_start(attempt: Attempt, straight: Problem) -> np.ndarray:
     return straight.region.clip((state @ straight.axes.T @ straight.axes)[None])
 
 
-def _common_scale(attempt: Attempt, settled) -> float:
+def _common_scale(attempt: Attempt, settled: list[Candidate]) -> float:
     scales = []
-    for position, keep, _ in settled:
-        residual = attempt.problem.eliminate(position[None], keep[None].astype(float)).residual[:, keep]
+    for candidate in settled:
+        keep, problem = candidate.keep, replace(attempt.problem, noise_s=candidate.noise_s)
+        residual = problem.eliminate(candidate.position[None], keep[None].astype(float)).residual[:, keep]
         scales.append(scale_of(residual, attempt.problem.unknowns, attempt.problem.time_sigma_s)[0])
     return float(min(scales))
 

@@ -1,54 +1,159 @@
-"""A fix without the bias that noisy ship positions give it."""
+"""A fix without the bias that noisy ship positions give it.
+
+By squared ranges, whose mean noise is known exactly, with instruments from each ping's neighbours: neither a weight
+nor a slope contains the ping's own noise.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trackerlib.beacon.attempt import Attempt, Candidate
-from trackerlib.beacon.squared_range import NEIGHBOURS, fix_squared_range
+from trackerlib.beacon.minimise import Misfit, Problem
+from trackerlib.beacon.squared_range import NEIGHBOURS, _smooth, fix_squared_range
 
 NEIGHBOUR_SHARE = 0.1  # of the slant range: farther than this, neighbours say little of the ship's place
+NO_BIAS = 0.1  # of a standard error, in any direction: least squares is kept, which wastes nothing
+ROUNDS = 40  # steps within which the general equations come to rest
+AT_REST = 1e-8  # of a step's square in standard errors
 
 
-def unbiased(attempt: Attempt, candidate: Candidate) -> np.ndarray:
-    """The candidate's state (P,) without the bias that noisy ship positions give, where it can be found.
+@dataclass(frozen=True, eq=False)
+class Unbiased:
+    """A state, and how sure the equations that gave it can be."""
 
-    By squared ranges along straight lines that take as long as the rays do. Restricted motions and unknown
-    noise keep the state as it is.
+    state: np.ndarray  # (P,)
+    covariance: np.ndarray | None = (
+        None  # (K + L, K + L) of free directions and linear unknowns; None: least squares
+    )
+
+
+def unbiased(attempt: Attempt, candidate: Candidate) -> Unbiased:
+    """The candidate's state without the bias that noisy ship positions give, where it matters and can be found.
+
+    Unknown noise, a bias below NO_BIAS and equations that come to rest nowhere keep the state as it is.
     """
     problem, state = attempt.problem.only(candidate.keep), candidate.position
-    problem = problem.only(np.argsort(problem.share, kind="stable"))
-    if not problem.gps_rms_m or problem.emission_known or attempt.motion.kind not in ("still", "free"):
-        return state
-    weight = attempt.weight(candidate)
-    misfit = attempt.problem.eliminate(state[None], weight)
+    order = np.argsort(problem.share, kind="stable")
+    problem = problem.only(order)
+    if not problem.gps_rms_m.any():
+        return Unbiased(state)
+    weight = attempt.weight(candidate)[:, candidate.keep][:, order]
+    misfit = problem.eliminate(state[None], weight)
     time_error = np.sqrt(misfit.sum_of_squares[0] / max(len(problem.time) - problem.unknowns, 1))
-    gradient = problem.times(state[None])[1][0, :, :2]
-    stated = problem.time_sigma_s**2 + problem.gps_rms_m**2 * (gradient**2).sum(axis=1)
-    scale = time_error / np.sqrt(np.median(stated))
+    stated = problem.variance(misfit.time_gradient)[0]
+    scale = float(time_error / np.sqrt(np.median(stated)))
+    if _bias_size(problem, state, misfit, scale) < NO_BIAS * time_error:
+        return Unbiased(state)
     spacing = np.median(np.linalg.norm(np.diff(problem.ship[:, :2], axis=0), axis=1))
     reach = NEIGHBOUR_SHARE * problem.slant_range(state)
     neighbours = int(np.clip(reach / max(spacing, 1e-3), 2, NEIGHBOURS))
-    offset = misfit.offset[0]
     attempt.log.begin("unbiased")
+    plain = problem.linear_unknowns == 1 and not problem.emission_known
+    by = _by_squared_ranges if plain and attempt.motion.kind in ("still", "free") else _by_instruments
+    return by(attempt, problem, state, misfit, scale, neighbours) or Unbiased(state)
+
+
+def _bias_size(problem: Problem, state: np.ndarray, misfit: Misfit, scale: float) -> float:
+    """The bias of least squares, to second order in the ship's noise, as the length [s] of what it does to the times.
+
+    Noise makes a range long by half its variance across the ray over the range, and turns the ray by what it also
+    adds to the residual.
+    """
+    offset = problem.places(state[None])[0] - problem.ship
+    distance = np.linalg.norm(offset, axis=-1)
+    ray = offset / distance[:, None]
+    speed = distance / misfit.travel_time[0]
+    variance = np.append((scale * problem.gps_rms_m) ** 2, 0.0)
+    along = ray**2 @ variance
+    longer = (variance.sum() - along) / (2 * distance * speed)
+    turned = (ray * along[:, None] - ray * variance) / (distance * speed**2)[:, None]
+    if len(state) > 3:
+        turned = np.hstack([turned, problem.share[:, None] * turned])
+    weight = misfit.weight[0]
+    score = ((turned - misfit.gradient[0] * longer[:, None]).T @ weight) @ problem.axes.T
+    normal = misfit.normal_matrix(problem.axes)[0]
+    return float(np.sqrt(max(score @ np.linalg.pinv(normal, rcond=1e-15, hermitian=True) @ score, 0.0)))
+
+
+def _by_squared_ranges(
+    attempt: Attempt, problem: Problem, state: np.ndarray, misfit: Misfit, scale: float, neighbours: int
+) -> Unbiased | None:
+    """By compiled equations along straight lines that take as long as the rays do; None where they fail."""
+    offset = misfit.linear[0, 0]
     for _ in range(3):
         travel_time = problem.times(state[None])[0][0]
         distance = np.linalg.norm(problem.places(state[None])[0] - problem.ship, axis=-1)
         speed = distance / travel_time
+        usual = float(np.median(speed))
         found = fix_squared_range(
             problem.ship[None],
             (distance + speed * (problem.time - offset - travel_time))[None],
             problem.share,
-            scale * problem.gps_rms_m,
-            scale * problem.time_sigma_s * float(np.median(speed)),
+            scale * float(np.sqrt(np.mean(problem.gps_rms_m**2))),
+            scale * problem.time_sigma_s * usual,
             moving=attempt.motion.moving,
             neighbours=neighbours,
         )
         if not found.converged[0]:
-            return candidate.position
+            return None
         before = state
-        offset += found.estimate[0, 3] / float(np.median(speed))
+        offset += found.estimate[0, 3] / usual
         state = np.concatenate([found.estimate[0, :3], found.estimate[0, 4:]])
         moved = np.array([np.linalg.norm(state - before)])
-        attempt.log.note(state[None], attempt.problem.eliminate(state[None], weight), moved)
-    return state
+        attempt.log.note(state[None], problem.eliminate(state[None], misfit.weight), moved)
+    order = [k for k in range(len(state) + 1) if k != 3] + [3]  # c0 stands last here, in seconds
+    size = np.append(np.ones(len(state)), 1 / usual)
+    return Unbiased(state, found.covariance[0][np.ix_(order, order)] * np.outer(size, size))
+
+
+def _by_instruments(
+    attempt: Attempt, problem: Problem, state: np.ndarray, misfit: Misfit, scale: float, neighbours: int
+) -> Unbiased | None:
+    """By the same equations for any motion and any linear unknowns; None where they come to rest nowhere."""
+    smooth = _smooth(np.ascontiguousarray(problem.ship), problem.share, neighbours)
+    beside = replace(problem, ship=np.column_stack([smooth, problem.ship[:, 2]]))
+    noise = np.append((scale * problem.gps_rms_m) ** 2, (scale * problem.time_sigma_s) ** 2)
+    linear, still = misfit.linear[0], np.zeros(len(problem.axes))
+    prior = problem.prior / (scale**2 * np.median(problem.variance(misfit.time_gradient)))
+    pull = np.concatenate([still, prior])
+    for _ in range(ROUNDS):
+        distance, slope, columns, speed = _slopes(problem, state, linear)
+        near, near_slope, _, near_speed = _slopes(beside, state, linear)
+        longer = speed * (problem.time - distance / speed - columns @ linear[: columns.shape[1]])
+        miss = -2 * distance * longer - longer**2 - noise[:2].sum() + noise[2] * speed**2
+        weight = 1 / _variance(problem.places(state[None])[0] - beside.ship, near, near_speed, noise)
+        instrument = weight[:, None] * near_slope
+        normal = instrument.T @ slope + np.diag(pull)
+        right = -instrument.T @ miss - pull * np.concatenate([still, linear])
+        if not (np.isfinite(normal).all() and np.isfinite(right).all()):
+            return None
+        step = np.linalg.lstsq(normal, right, rcond=1e-15)[0]
+        moved = step[: len(still)] @ problem.axes
+        state, linear = state + moved, linear + step[len(still) :]
+        at = problem.eliminate(state[None], misfit.weight)
+        attempt.log.note(state[None], at, np.array([np.linalg.norm(moved)]))
+        if step @ normal @ step < AT_REST:
+            inverse = np.linalg.pinv(normal, rcond=1e-15)
+            inside = problem.region.edge(state) is None and state[2] < problem.ship[:, 2].max()
+            return Unbiased(state, inverse @ (instrument.T @ near_slope) @ inverse.T) if inside else None
+    return None
+
+
+def _variance(offset: np.ndarray, distance: np.ndarray, speed: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Variance (n,) [m^4] of the misses of squared ranges; noise (3,): of east, north [m^2] and of times [s^2]."""
+    ranges = noise[2] * speed**2
+    places = 4 * offset[:, :2] ** 2 @ noise[:2] + 2 * np.sum(noise[:2] ** 2)
+    return places + 4 * distance**2 * ranges + 2 * ranges**2
+
+
+def _slopes(problem: Problem, state: np.ndarray, linear: np.ndarray):
+    """Distances (n,), slopes (n, K + L) of their squares by all unknowns, the clock's columns, and speeds (n,)."""
+    times, gradient = problem.times(state[None])
+    slower = 1.0 if problem.slowness_sigma is None else 1 + linear[-1]
+    distance = np.linalg.norm(problem.places(state[None])[0] - problem.ship, axis=-1)
+    speed = distance / (slower * times[0])
+    by_unknown = np.hstack([slower * gradient[0] @ problem.axes.T, problem.columns_at(times)[0]])
+    return distance, 2 * (distance * speed)[:, None] * by_unknown, problem.columns, speed
