@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from trackerlib.beacon.squared_range import fix_squared_range
 from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS, run_point, sail_hexagon
@@ -102,6 +103,63 @@ def test_shapes_and_noise_that_make_no_sense_are_refused():
         fix_squared_range(np.zeros((1, 9, 2)), np.zeros((1, 9)), np.zeros(9), 3, 0.4)
     with pytest.raises(ValueError, match="wanted"):
         fix_squared_range(np.zeros((1, 9, 3)), np.zeros((1, 9)), np.zeros(9), -3, 0.4)
+
+
+def simulated(scenario, trials, gps_rms_m, correlation_s, seed):
+    """Surveys whose ship positions err by each axis' own sigma, correlated by exp(-lag / correlation_s)."""
+    points = sail_hexagon(SCENARIOS[scenario], 1126)
+    rng = np.random.default_rng(seed)
+    errors = rng.normal(size=(len(points.ship), trials, 2))
+    if correlation_s:
+        kept = np.exp(-(points.emitted_s[1] - points.emitted_s[0]) / correlation_s)
+        for n in range(1, len(errors)):
+            errors[n] = kept * errors[n - 1] + np.sqrt(1 - kept**2) * errors[n]
+    ship = np.repeat(points.ship[None], trials, axis=0)
+    ship[:, :, :2] += np.array(gps_rms_m) * errors.swapaxes(0, 1)
+    return points, ship, points.range_m + rng.normal(0, 0.43, ship.shape[:2])
+
+
+def coverage(fixes, points):
+    keep = np.array([0, 1, 2, 4, 5, 6] if points.scenario.moving else [0, 1, 2])
+    errors = fixes.estimate[:, keep] - points.truth
+    whitened = np.linalg.solve(fixes.covariance[:, keep][:, :, keep], errors[..., None])[..., 0]
+    return np.mean(np.sum(errors * whitened, axis=1) < chi2.ppf(0.95, len(keep)))
+
+
+@pytest.mark.parametrize("scenario", [3, 5])
+def test_each_axis_has_its_own_sigma(scenario):
+    """The wrong way round, the same errors are not covered: 600 trials know a coverage to 0.009."""
+    points, ship, ranges = simulated(scenario, 600, (2.0, 9.0), 0.0, seed=4)
+    how = {"moving": points.scenario.moving}
+    told = fix_squared_range(ship, ranges, points.emitted_s, (2.0, 9.0), 0.43, **how)
+    turned = fix_squared_range(ship, ranges, points.emitted_s, (9.0, 2.0), 0.43, **how)
+    assert told.converged.all()
+    assert coverage(told, points) == pytest.approx(0.95, abs=0.027)
+    assert abs(coverage(turned, points) - 0.95) > 0.03
+    errors = told.estimate[:, :3] - points.truth[:3]
+    assert (np.abs(errors.mean(axis=0)) < 4 / np.sqrt(600) * errors.std(axis=0)).all()
+
+
+@pytest.mark.parametrize("scenario", [1, 3, 4])
+def test_errors_correlated_in_time_are_stated_as_they_are(scenario):
+    """White noise treatment claims a quarter of the true sigma, and is biased where depth rests on small changes."""
+    points, ship, ranges = simulated(scenario, 600, (3.0, 3.0), 30.0, seed=5)
+    how = {"moving": points.scenario.moving}
+    told = fix_squared_range(ship, ranges, points.emitted_s, 3.0, 0.43, correlation_s=30.0, **how)
+    white = fix_squared_range(ship, ranges, points.emitted_s, 3.0, 0.43, **how)
+    assert told.converged.all()
+    assert coverage(told, points) == pytest.approx(0.95, abs=0.027)
+    assert coverage(white, points) < 0.15
+    errors = told.estimate[:, :3] - points.truth[:3]
+    assert (np.abs(errors.mean(axis=0)) < 0.2 * errors.std(axis=0)).all()
+    biased = white.estimate[:, 2] - points.truth[2]
+    assert (abs(biased.mean()) > 0.25 * biased.std()) == (scenario == 1)
+
+
+def test_correlated_errors_need_instants_in_order():
+    points, ship, ranges = noisy(1)
+    with pytest.raises(ValueError, match="order"):
+        fix_squared_range(ship, ranges, points.emitted_s[::-1], 5, 0.4, correlation_s=9.0)
 
 
 def test_an_ellipsoid_of_a_bent_valley_still_holds_the_truth():

@@ -62,8 +62,7 @@ def test_correlated_noise_widens_the_covariance_as_it_must(seed):
         found = uncertainty_of(
             misfit,
             np.ones(150, bool),
-            unknowns=1,
-            axes=np.eye(3),
+            axes=np.eye(3)[:1],
             floor_s=0.0,
             mean_speed_mps=1500.0,
             speed_sigma_mps=0.0,
@@ -78,7 +77,11 @@ def _one_direction(slope, residual):
     gradient = np.zeros((1, len(slope), 3))
     gradient[0, :, 0] = slope
     ones = np.ones((1, len(slope)))
-    return Misfit(residual[None], gradient, ones, np.zeros(1), ones, gradient)
+    return Misfit(
+        residual[None], gradient, ones, ones, gradient,
+        columns=np.zeros((1, len(slope), 0)), linear=np.zeros((1, 0)), follow=np.zeros((1, 0, 3)),
+        inverse=np.zeros((1, 0, 0)), prior=np.zeros(0),
+    )  # fmt: skip
 
 
 def test_slow_errors_are_the_double_sum():

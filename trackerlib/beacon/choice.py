@@ -44,6 +44,10 @@ def usual_models(settings: FixSettings) -> dict[str, FixSettings]:
     }
     if settings.profile is not None:
         models["lies still, one speed of sound"] = replace(settings, motion="still", profile=None)
+    if settings.speed_sigma_mps and settings.method == "all-pings":
+        models["lies still, speed of sound fitted"] = replace(
+            settings, motion="still", estimate_sound_speed=True
+        )
     return models
 
 
@@ -91,7 +95,7 @@ def compare_models(pings: Pings, models: dict[str, FixSettings]) -> tuple[ModelS
 
 
 def _parameters(settings: FixSettings) -> int:
-    return len(FREE_DIRECTIONS[settings.motion]) + (0 if settings.emission_known else 1)
+    return len(FREE_DIRECTIONS[settings.motion]) + settings.linear_unknowns
 
 
 def _held_out(pings: Pings, settings: FixSettings, scored: np.ndarray) -> float:
@@ -108,10 +112,21 @@ def _held_out(pings: Pings, settings: FixSettings, scored: np.ndarray) -> float:
         velocity = np.zeros(3) if fix.velocity is None else fix.velocity
         place = fix.position + fix.elapsed_s[rows, None] * velocity
         paths = paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m)
-        time = paths.times(place[None], fix.ship[rows])[0][0]
-        miss = pings.travel_time_s[rows] - time - fix.emission_offset_s
+        told_mps = paths.mean_speed(max(-float(fix.position[2]), 0.0))
+        time = paths.times(place[None], fix.ship[rows])[0][0] * told_mps / fix.sound_speed_mps
+        miss = pings.travel_time_s[rows] - time - _emitted(fix, settings, rows)
         if settings.interval_s:
             miss = miss - settings.interval_s * np.rint(miss / settings.interval_s)
         squares += float(np.nansum(miss**2))
         count += int(np.isfinite(miss).sum())
     return float(np.sqrt(squares / max(count, 1)))
+
+
+def _emitted(fix: BeaconFix, settings: FixSettings, rows: np.ndarray) -> np.ndarray:
+    """What the pinger's clock adds to the times of some pings, but for whole intervals."""
+    emission = fix.emission
+    if emission is None or emission.interval_s is None:
+        return np.full(len(rows), fix.emission_offset_s)
+    count = (fix.elapsed_s[rows] - fix.elapsed_s[fix.used][0]) / settings.interval_s
+    drift = (emission.drift_ppm_per_hour or 0.0) * 1e-6 * settings.interval_s**2 / 3600
+    return emission.offset_s + count * (emission.interval_s - settings.interval_s) + count**2 / 2 * drift

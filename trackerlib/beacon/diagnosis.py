@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackerlib.beacon.fix import SEARCH_PINGS, problem_of
-from trackerlib.beacon.minimise import descend
-from trackerlib.beacon.motion import motion_over
+from trackerlib.beacon.attempt import SEARCH_PINGS, problem_of
+from trackerlib.beacon.minimise import Problem, descend
+from trackerlib.beacon.motion import Motion, motion_over
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
@@ -46,7 +46,7 @@ def misfit_surface(
         raise ValueError(f"there is no place to look about: {fix.reason}")
     if len(set(names)) != 2 or not set(names) <= set(COORDINATES):
         raise ValueError(f"names are {names}; wanted two of {', '.join(COORDINATES)}")
-    problem, state = _at(pings, fix, settings)
+    problem, state, _ = problem_at(pings, fix, settings)
     chosen = np.unique(
         np.linspace(0, len(problem.time) - 1, min(len(problem.time), SEARCH_PINGS)).astype(int)
     )
@@ -79,23 +79,26 @@ def influence(pings: Pings, fix: BeaconFix, settings: FixSettings) -> np.ndarray
     """
     if fix.position is None:
         raise ValueError(f"there is no place that a ping could move: {fix.reason}")
-    problem, state = _at(pings, fix, settings)
+    problem, state, _ = problem_at(pings, fix, settings)
     gradient = problem.times(state[None])[1]
     misfit = problem.eliminate(state[None], np.nan_to_num(problem.relative_weight(gradient)))
     slope = misfit.gradient[0] @ problem.axes.T
     weight = misfit.weight[0]
     inverse = np.linalg.pinv((slope * weight[:, None]).T @ slope, rcond=1e-15, hermitian=True)
     gain = (slope * weight[:, None]) @ inverse
-    leverage = np.sum(gain * slope, axis=1) + (0.0 if problem.emission_known else weight / weight.sum())
+    linear = weight * np.einsum("nl,lm,nm->n", misfit.columns[0], misfit.inverse[0], misfit.columns[0])
+    leverage = np.sum(gain * slope, axis=1) + linear
     moved = (gain * (misfit.residual[0] / np.maximum(1 - leverage, 1e-9))[:, None]) @ problem.axes
     out = np.full(len(fix.number), np.nan)
     out[fix.used] = np.linalg.norm(moved[:, :3], axis=1)
     return out
 
 
-def _at(pings: Pings, fix: BeaconFix, settings: FixSettings):
-    """The problem of the pings that a fix rests on, and its state (P,)."""
+def problem_at(pings: Pings, fix: BeaconFix, settings: FixSettings) -> tuple[Problem, np.ndarray, Motion]:
+    """The problem of the pings that a fix rests on, its state (P,) and its motion."""
     motion = motion_over(settings.motion, fix.elapsed_s)
     problem = problem_of(pings, fix, fix.used, settings, motion)
+    if problem.slowness_sigma is not None and fix.uncertainty is not None:
+        problem = replace(problem, noise_s=fix.uncertainty.noise_s)
     place = fix.position if fix.velocity is None else np.concatenate([fix.position, fix.velocity])
-    return problem, np.linalg.solve(motion.at(0.0), place)
+    return problem, np.linalg.solve(motion.at(0.0), place), motion

@@ -11,10 +11,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.observability import straight_track, unseen_beside_line, unseen_directions
-from trackerlib.beacon.pairs import LEAST_EXPERIMENTS, SearchBox, experiments, fix_pairs, shared_covariance
+from trackerlib.beacon.pairs import (
+    LEAST_EXPERIMENTS,
+    PairFixes,
+    SearchBox,
+    experiments,
+    fix_pairs,
+    shared_covariance,
+)
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.result import BeaconFix, blank_fix, time_sigma, unfolded_times
+from trackerlib.beacon.result import BeaconFix, blank_fix, time_sigma
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, FixSettings
 from trackerlib.beacon.uncertainty import Uncertainty
 from trackerlib.residuals import ResidualCorrelation
@@ -54,8 +62,8 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
     pairs = experiments(count, spacing, step)
     heard = np.unique(pairs)
     ship, elapsed = blank.ship[rows], blank.elapsed_s[rows]
-    time = unfolded_times(pings, blank.ship, allowed, settings)
-    gps_rms = ASSUMED_SHIP_RMS_M if settings.gps_rms_m is None else settings.gps_rms_m
+    time = blank.time_s[rows]
+    gps_rms = ASSUMED_SHIP_RMS_M if settings.ship_rms_m is None else settings.ship_rms_m
     track = straight_track(ship[heard])
     if track.is_straight(max(gps_rms, 0.1)):
         unseen = unseen_beside_line(track)
@@ -68,6 +76,7 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
         told = blank.frame.to_local(*settings.start[:2], -settings.start[2]) - centre
         start = (float(told[0]), float(told[1]), float(told[2]))
     depth, speed = TYPICAL_DEPTH_M, settings.sound_speed_mps
+    place, log = np.array(start), []
     for _ in range(1 if settings.profile is None else 3):
         if settings.profile is not None:
             speed = float(settings.profile.extended(0.0, settings.max_depth_m).harmonic_mean(0.0, depth))
@@ -76,6 +85,8 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
         fixes = fix_pairs(
             places, ranges, elapsed, pairs, gps_rms, range_rms, moving=moving, box=box, start=start
         )
+        log.append(_step(fixes, place, centre, count, speed, len(heard)))
+        place = fixes.estimate[0, :3]
         depth = (
             float(np.clip(-fixes.estimate[0, 2], 1.0, settings.max_depth_m)) if fixes.converged[0] else depth
         )
@@ -85,7 +96,9 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
             "on the edge of the search region; widen it" if edge.any() else "nowhere; try more experiments"
         )
         return replace(
-            blank, reason=f"the search came to rest {where}, or check the times and the speed of sound"
+            blank,
+            reason=f"the search came to rest {where}, or check the times and the speed of sound",
+            log=tuple(log),
         )
 
     state = fixes.estimate[0]
@@ -134,7 +147,9 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
         residual_s=residuals,
         uncertainty=uncertainty,
         emission_offset_s=offset,
+        log=tuple(log),
         sound_speed_mps=speed,
+        sigma_sound_speed_mps=settings.speed_sigma_mps,
     )
     slant_range = float(np.median(np.linalg.norm(position - ship[heard], axis=1)))
     for instant in (0.0, float(elapsed[-1])):
@@ -142,3 +157,18 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
         if unseen:
             return replace(fix, converged=False, reason=unseen[-1].why, unobservable=unseen)
     return fix
+
+
+def _step(
+    fixes: PairFixes, before: np.ndarray, centre: np.ndarray, count: int, speed: float, pings: int
+) -> Step:
+    """Where one search came to rest: its steps in a compiled loop are counted, not kept."""
+    return Step(
+        stage=f"{count} experiments at {speed:.1f} m/s",
+        iteration=int(fixes.iterations[0]),
+        position=fixes.estimate[0, :3] + centre,
+        rms_ms=None,
+        step_m=float(np.linalg.norm(fixes.estimate[0, :3] - before)),
+        damping=None,
+        pings=pings,
+    )

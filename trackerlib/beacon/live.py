@@ -54,6 +54,10 @@ class LiveFix:
             raise ValueError("a live fix is for every ping and a motion still or free")
         if settings.emission_known or settings.interval_s is not None:
             raise ValueError("a live fix is for an unknown emission time and times that are not folded")
+        if settings.estimate_sound_speed or settings.gps_correlation_s or any(settings.antenna_sigma_m):
+            raise ValueError(
+                "a live fix estimates no speed of sound and knows white errors of the ship alone"
+            )
         self.frame, self.settings = frame, settings
         self.count = 0
         self.reason: str | None = "no ping yet"
@@ -184,7 +188,7 @@ class LiveFix:
 
     def _variances(self) -> tuple[float, float]:
         """Variances [m^2] of a ship position (each axis) and of a range, before scaling to the residuals."""
-        return (self.settings.gps_rms_m or 0.0) ** 2, (self._speed_mps * self._time_sigma_s) ** 2
+        return (self.settings.ship_rms_m or 0.0) ** 2, (self._speed_mps * self._time_sigma_s) ** 2
 
     def _solve(self) -> None:
         theta = self._theta.copy()

@@ -1,7 +1,8 @@
 """The place whose travel times fit best: robust least squares from many starts at once.
 
 Minimised is the weighted sum of squares of  e = t - T(beacon) - emission offset  over the pings.
-The emission offset is linear given the beacon, so it is eliminated, not iterated on. Weights are
+Emission offset, interval, drift and slowness of the water are linear given the beacon, so they are
+eliminated, not iterated on. Weights are
 frozen within a descent and renewed between descents: left free inside the sum they would reward
 places that make their own weights small.
 """
@@ -57,23 +58,49 @@ class Problem:
     """What was measured, how well, and where the answer may lie."""
 
     ship: np.ndarray  # (N, 3) hydrophone east, north, up [m]
-    time: np.ndarray  # (N,) travel time plus constant [s]
+    time: np.ndarray  # (N,) travel time plus what `columns` adds [s]
     paths: Paths
     region: Region
-    gps_rms_m: float  # ship position error per horizontal axis; 0 weighs all pings alike
+    gps_rms_m: np.ndarray  # (2,) ship position error, east and north; zeros weigh all pings alike
     time_sigma_s: float  # error of one time before ship position enters; the scale's floor
-    emission_known: bool
+    columns: np.ndarray  # (N, L) what the linear unknowns add to the times, see `clock_columns`
     share: np.ndarray  # (N,) instants from -1 at the first ping to 1 at the last, see Motion
     axes: np.ndarray  # (K, P) free directions of a state, see Motion
+    slowness_sigma: float | None = None  # relative, of the water told; None: its speed is taken as known
+    noise_s: float = 1e-3  # error of a time of weight one, against which that prior is weighed
 
     def only(self, keep) -> Problem:
         """The same problem with some of its pings."""
-        return replace(self, ship=self.ship[keep], time=self.time[keep], share=self.share[keep])
+        return replace(
+            self,
+            ship=self.ship[keep],
+            time=self.time[keep],
+            share=self.share[keep],
+            columns=self.columns[keep],
+        )
+
+    @property
+    def emission_known(self) -> bool:
+        """Whether times are true travel times, with no unknown constant."""
+        return self.columns.shape[1] == 0
+
+    @property
+    def linear_unknowns(self) -> int:
+        """How many unknowns are eliminated: the clock's, and the slowness of the water if it is fitted."""
+        return self.columns.shape[1] + (self.slowness_sigma is not None)
 
     @property
     def unknowns(self) -> int:
-        """How many numbers are estimated: free directions, and the emission offset unless it is known."""
-        return len(self.axes) + (0 if self.emission_known else 1)
+        """How many numbers are estimated: free directions, and the linear unknowns."""
+        return len(self.axes) + self.linear_unknowns
+
+    @property
+    def prior(self) -> np.ndarray:
+        """Weights (L,) that pull the linear unknowns to zero: only that of the slowness, which stands last."""
+        weight = np.zeros(self.linear_unknowns)
+        if self.slowness_sigma is not None:
+            weight[-1] = (self.noise_s / max(self.slowness_sigma, 1e-9)) ** 2
+        return weight
 
     def places(self, state: np.ndarray) -> np.ndarray:
         """Where beacons with states (S, P) are at each ping: (S, 3) if still, (S, N, 3) if moving."""
@@ -82,7 +109,7 @@ class Problem:
         return state[:, None, :3] + self.share[:, None] * state[:, None, 3:]
 
     def times(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Travel times (S, N) [s] and gradients (S, N, P) [s/m] at states (S, P)."""
+        """Travel times (S, N) [s] and gradients (S, N, P) [s/m] at states (S, P), in the water told."""
         travel_time, gradient = self.paths.times(self.places(state), self.ship)
         if state.shape[1] > 3:
             gradient = np.concatenate([gradient, self.share[:, None] * gradient], axis=-1)
@@ -92,67 +119,101 @@ class Problem:
         """Median distance [m] from the ship to a beacon with this state (P,)."""
         return float(np.median(np.linalg.norm(self.places(state[None])[0] - self.ship, axis=-1)))
 
+    def variance(self, gradient: np.ndarray) -> np.ndarray:
+        """Stated variance (S, N) [s^2] of each time, its ship position's error included."""
+        return self.time_sigma_s**2 + np.einsum("snk,k->sn", gradient[..., :2] ** 2, self.gps_rms_m**2)
+
     def relative_weight(self, gradient: np.ndarray) -> np.ndarray:
         """Weight of each ping (S, N) from its time error and its ship position's error, mean near 1."""
-        if not self.gps_rms_m:
+        if not self.gps_rms_m.any():
             return np.ones(gradient.shape[:2])
-        horizontal = np.einsum("snk,snk->sn", gradient[..., :2], gradient[..., :2])
-        variance = self.time_sigma_s**2 + self.gps_rms_m**2 * horizontal
+        variance = self.variance(gradient)
         return np.median(variance, axis=1, keepdims=True) / variance
 
+    def columns_at(self, travel_time: np.ndarray) -> np.ndarray:
+        """What each linear unknown adds to the times (S, N, L) where sound takes travel_time (S, N)."""
+        columns = np.broadcast_to(self.columns, (len(travel_time), *self.columns.shape))
+        if self.slowness_sigma is None:
+            return columns
+        return np.concatenate([columns, np.nan_to_num(travel_time)[..., None]], axis=-1)
+
     def eliminate(self, beacon, weight) -> Misfit:
-        """Residuals and gradients at states (S, P) with the emission offset taken out."""
-        travel_time, time_gradient = self.times(beacon)
+        """Residuals and gradients at states (S, P) with the linear unknowns at their best."""
+        travel_time, gradient = self.times(beacon)
         usable = np.isfinite(travel_time)
         weight = np.where(usable, weight, 0.0)
         residual = np.where(usable, self.time - travel_time, 0.0)
-        time_gradient = np.where(usable[..., None], time_gradient, 0.0)
-        gradient = time_gradient
-        offset = np.zeros(len(beacon))
-        if not self.emission_known:
-            total = np.maximum(weight.sum(axis=1), 1e-300)
-            offset = (weight * residual).sum(axis=1) / total
-            residual = np.where(usable, residual - offset[:, None], 0.0)
-            mean = np.einsum("sn,snk->sk", weight, gradient) / total[:, None]
-            gradient = np.where(usable[..., None], gradient - mean[:, None, :], 0.0)
-        return Misfit(residual, gradient, weight, offset, travel_time, time_gradient)
+        gradient = np.where(usable[..., None], gradient, 0.0)
+        columns = self.columns_at(travel_time)
+        weighted = np.swapaxes(columns * weight[..., None], 1, 2)
+        normal = weighted @ columns + np.diag(self.prior)
+        size = np.trace(normal, axis1=1, axis2=2)[:, None, None] * 1e-15 + 1e-300
+        inverse = np.linalg.inv(normal + size * np.eye(normal.shape[1]))
+        best = inverse @ (weighted @ residual[..., None])
+        if self.slowness_sigma is not None:
+            gradient = gradient * (1 + best[:, -1:])
+        follow = inverse @ (weighted @ gradient)
+        return Misfit(
+            residual=np.where(usable, residual - (columns @ best)[..., 0], 0.0),
+            gradient=np.where(usable[..., None], gradient - columns @ follow, 0.0),
+            weight=weight,
+            travel_time=travel_time,
+            time_gradient=gradient,
+            columns=columns,
+            linear=best[..., 0],
+            follow=follow,
+            inverse=inverse,
+            prior=self.prior,
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Residuals at some positions, with the emission offset eliminated."""
+    """Residuals at some positions, with the linear unknowns eliminated."""
 
     residual: np.ndarray  # (S, N) [s]
-    gradient: np.ndarray  # (S, N, P) [s/m] of the fitted time by state, the offset following
+    gradient: np.ndarray  # (S, N, P) [s/m] of the fitted time by state, the linear unknowns following
     weight: np.ndarray  # (S, N)
-    offset: np.ndarray  # (S,) [s]
-    travel_time: np.ndarray  # (S, N) [s]
+    travel_time: np.ndarray  # (S, N) [s] in the water told
     time_gradient: np.ndarray  # (S, N, P) [s/m] of the travel time alone
+    columns: np.ndarray  # (S, N, L) what a linear unknown adds to the times
+    linear: np.ndarray  # (S, L) the linear unknowns
+    follow: np.ndarray  # (S, L, P) how much less they become as the state grows
+    inverse: np.ndarray  # (S, L, L) of their own normal matrix
+    prior: np.ndarray  # (L,) weights that pull them to zero
 
     @property
     def sum_of_squares(self) -> np.ndarray:
         """Weighted sum of squared residuals (S,) [s^2]."""
         lost = ~np.isfinite(self.travel_time)  # a place that no ray reaches must never look good
         worst = np.max(np.abs(self.residual), axis=1, initial=1e-3) ** 2
-        return (self.weight * self.residual**2).sum(axis=1) + lost.sum(axis=1) * worst
+        squares = (self.weight * self.residual**2).sum(axis=1) + lost.sum(axis=1) * worst
+        return squares + self.linear**2 @ self.prior
 
     def normal_matrix(self, axes: np.ndarray) -> np.ndarray:
         """Normal matrices (S, K, K) along the free axes (K, P)."""
-        along = self.gradient @ axes.T
-        return np.einsum("snk,sn,snl->skl", along, self.weight, along)
+        along, follow = self.gradient @ axes.T, self.follow @ axes.T
+        pings = np.swapaxes(along * self.weight[..., None], 1, 2) @ along
+        return pings + np.swapaxes(follow * self.prior[:, None], 1, 2) @ follow
+
+    def slope(self, axes: np.ndarray) -> np.ndarray:
+        """Half the descent (S, K) of the sum of squares along the free axes (K, P)."""
+        pings = np.einsum("snk,sn->sk", self.gradient, self.weight * self.residual)
+        return (pings + np.einsum("slk,sl->sk", self.follow, self.prior * self.linear)) @ axes.T
 
 
-def descend(problem, beacon, weight, *, steps, axes):
+def descend(problem, beacon, weight, *, steps, axes, log=None):
     """States (S, P) after some Levenberg-Marquardt steps with frozen weights, and the last step [m].
 
     Each start has its own damping; a step is kept only where it lessens the sum of squares.
+    log : a Recorder that notes every step
     """
     damping = np.full(len(beacon), 1e-3)
     misfit = problem.eliminate(beacon, weight)
     moved = np.full(len(beacon), np.inf)
     for _ in range(steps):
         normal = misfit.normal_matrix(axes)
-        slope = np.einsum("snk,sn->sk", misfit.gradient, misfit.weight * misfit.residual) @ axes.T
+        slope = misfit.slope(axes)
         # Scaled by the trace, not by each diagonal element: a direction that no ping sees must
         # stay put, not leap.
         trace = np.trace(normal, axis1=1, axis2=2) + 1e-300
@@ -165,6 +226,8 @@ def descend(problem, beacon, weight, *, steps, axes):
         damping = np.clip(np.where(better, damping * 0.1, damping * 10), 1e-12, 1e6)
         beacon = np.where(better[:, None], trial, beacon)
         misfit = problem.eliminate(beacon, weight)
+        if log is not None:
+            log.note(beacon, misfit, moved, damping)
         if np.all(moved < 1e-5):
             break
     return beacon, moved
@@ -189,10 +252,11 @@ def biweight_cost(residual: np.ndarray, scale: float) -> np.ndarray:
     return (TUKEY**2 / 3 * (1 - (1 - u**2) ** 3)).sum(axis=1)
 
 
-def robust_descent(problem, beacon, *, rounds, steps, axes=None):
+def robust_descent(problem, beacon, *, rounds, steps, axes=None, log=None):
     """States (S, P) after redescending least squares, with the scale (S,) [s] at which it ended.
 
     axes : free directions, where not those of the problem
+    log : a Recorder that notes the start of least scale in every round
     """
     axes = problem.axes if axes is None else axes
     weight = np.ones((len(beacon), len(problem.time)))
@@ -204,13 +268,15 @@ def robust_descent(problem, beacon, *, rounds, steps, axes=None):
             residual = residual - np.median(residual, axis=1, keepdims=True)
         scale = scale_of(residual, problem.unknowns, problem.time_sigma_s)
         weight = biweight(residual, scale) * problem.relative_weight(misfit.gradient)
+        if log is not None:
+            log.note(beacon, replace(misfit, weight=weight), best=int(np.argmin(scale)))
         beacon, moved = descend(problem, beacon, weight, steps=steps, axes=axes)
         if np.all(moved < 1e-4) and round_number > 3:
             break
     return beacon, scale
 
 
-def settle(problem, beacon, scale, *, reject, axes=None):
+def settle(problem, beacon, scale, *, reject, axes=None, log=None):
     """One state (P,) by least squares on the pings within CUT scales, renewed until none changes.
 
     Returns the state, which pings were used (N,), and whether the last step had come to rest.
@@ -230,7 +296,7 @@ def settle(problem, beacon, scale, *, reject, axes=None):
         for _ in range(3):  # weights follow the geometry, frozen within each descent
             gradient = problem.times(beacon)[1]
             weight = keep * np.nan_to_num(problem.relative_weight(gradient))
-            beacon, moved = descend(problem, beacon, weight, steps=30, axes=axes)
+            beacon, moved = descend(problem, beacon, weight, steps=30, axes=axes, log=log)
         if reject == "none":
             break
         residual = problem.eliminate(beacon, weight).residual

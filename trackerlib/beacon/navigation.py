@@ -75,6 +75,7 @@ class ShipPositions:
     north_m: np.ndarray  # (N,)
     sigma_m: np.ndarray  # (N,) what the antenna offset adds to the error of each of east and north
     reason: np.ndarray  # (N,) row of `reasons`, 0 if accepted
+    heading_rad: np.ndarray  # (N,) of the bow, or the course for want of it, NaN if neither is known
     turned_by: np.ndarray  # (N,) row of TURNED_BY: what the antenna offset was turned by, 0 if refused
     reasons: tuple[str, ...]
     fixes_refused: tuple[tuple[str, int], ...]  # why, and how many fixes
@@ -128,26 +129,25 @@ def ship_at_receptions(
     reason[(reason != _ACCEPTED) & would_do] = _HDOP
     accepted = reason == _ACCEPTED
 
-    columns = np.full((5, len(time)), np.nan)  # latitude, longitude, east, north, sigma
+    lat, lon, east, north, sigma, heading = columns = np.full((6, len(time)), np.nan)
     turned_by = np.zeros(len(time), np.int8)
     frame = None
     if len(good.time_s) >= 2:
         frame = LocalFrame(float(good.lat_deg[0]), float(good.lon_deg[0]))
-        position, heading, turned_by[accepted] = _interpolate(good, frame, time[accepted], limits)
+        position, bow, turned_by[accepted] = _interpolate(good, frame, time[accepted], limits)
         length = np.hypot(*offset[:2])
         if length == 0:
             turned_by[:] = 0
         ahead, abeam = (
-            np.array([np.sin(heading), np.cos(heading)]),
-            np.array([np.cos(heading), -np.sin(heading)]),
+            np.array([np.sin(bow), np.cos(bow)]),
+            np.array([np.cos(bow), -np.sin(bow)]),
         )
         position[:, :2] += np.nan_to_num(offset[0] * ahead + offset[1] * abeam).T
-        unturned_m = np.where(np.isnan(heading), length, 0.0)
+        unturned_m = np.where(np.isnan(bow), length, 0.0)
         lat_lon = frame.to_geodetic(position)[:2]
-        columns[:, accepted] = *lat_lon, *position.T[:2], offset_sigma_m + unturned_m
-    lat, lon, east, north, sigma = columns
+        columns[:, accepted] = *lat_lon, *position.T[:2], offset_sigma_m + unturned_m, bow
     return ShipPositions(
-        time, lat, lon, east, north, sigma, reason, turned_by, _words(limits), fixes_refused, frame
+        time, lat, lon, east, north, sigma, reason, heading, turned_by, _words(limits), fixes_refused, frame
     )
 
 
@@ -260,6 +260,8 @@ def pings_of_stream(
         travel_time_s=ship.time_s[keep],
         utc=np.full(count, np.datetime64("NaT", "ms")),
         clock_s=ship.time_s[keep],
+        at_reception=True,
+        heading_rad=ship.heading_rad[keep],
         source=source,
         simulated=simulated,
     )

@@ -18,6 +18,10 @@ class Pings:
     travel_time_s: np.ndarray  # (N,) one-way travel time plus any constant, known or not
     utc: np.ndarray  # (N,) datetime64[ms], NaT where the file gives none
     clock_s: np.ndarray | None = None  # (N,) seconds of any clock, where the file tells no date
+    at_reception: bool = False  # whether instants are those of reception, not of emission
+    heading_rad: np.ndarray | None = (
+        None  # (N,) of the ship's bow, clockwise from true north, NaN if not known
+    )
     time_step_s: float = 0.0  # step in which travel times were logged, 0 if they are continuous
     source: str = ""  # file it came from
     simulated: bool = False
@@ -57,7 +61,10 @@ class Pings:
     def only(self, keep: np.ndarray | slice) -> Pings:
         """The same pings where `keep` (N,) is true, or a slice of them."""
         clock = None if self.clock_s is None else self.clock_s[keep]
-        return replace(self, clock_s=clock, **{name: getattr(self, name)[keep] for name in _COLUMNS})
+        heading = None if self.heading_rad is None else self.heading_rad[keep]
+        return replace(
+            self, clock_s=clock, heading_rad=heading, **{name: getattr(self, name)[keep] for name in _COLUMNS}
+        )
 
 
 _COLUMNS = ("number", "lat_deg", "lon_deg", "up_m", "travel_time_s", "utc")

@@ -196,7 +196,7 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
     elapsed = fix.elapsed_s if fix.elapsed_s is not None else pings.instant_s
     apart = np.diff(np.sort(elapsed))
     apart = apart[apart > 0]
-    told = settings.gps_rms_m or 0.0
+    told = settings.ship_rms_m or 0.0
     rms = max(float(np.sqrt(np.mean(fix.residual_s[used] ** 2))), time_sigma(pings, settings))
     residual, velocity = fix.residual_s[used], np.zeros(3) if fix.velocity is None else fix.velocity
     paths = paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trackerlib.beacon.clock import Emission, emission_instants
+from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.folds import unfold
 from trackerlib.beacon.observability import Unobservable
 from trackerlib.beacon.pings import Pings
@@ -64,21 +66,29 @@ class BeaconFix:
     number: np.ndarray  # (N,) ping numbers
     used: np.ndarray  # (N,) which pings the fix rests on
     offered: np.ndarray | None = None  # (N,) which pings the method would use; None: all
-    position: np.ndarray | None = None  # (3,) east, north, up [m]
+    position: np.ndarray | None = None  # (3,) east, north, up [m]; of a moving beacon that at elapsed_s 0
     lat_deg: float | None = None
     lon_deg: float | None = None
     depth_m: float | None = None  # below the sea surface
     velocity: np.ndarray | None = None  # (3,) east, north, up [m/s]; None for a beacon that lies still
-    elapsed_s: np.ndarray | None = None  # (N,) since the first ping; a moving beacon's position is that at 0
+    elapsed_s: np.ndarray | None = (
+        None  # (N,) since the first ping (its emission, where receptions are logged)
+    )
     residual_s: np.ndarray | None = None  # (N,) time minus fit, also of pings left out
     uncertainty: Uncertainty | None = None
     emission_offset_s: float | None = None  # the constant in every time that is not travel
+    emission: Emission | None = None  # the same, and what was estimated of the pinger's interval
+    time_s: np.ndarray | None = None  # (N,) times as the fix took them, whole intervals put right
     sound_speed_mps: float | None = None  # mean speed on the way down
+    sigma_sound_speed_mps: float | None = (
+        None  # as told, or what is left of it where the speed was fitted too
+    )
     unobservable: tuple[Unobservable, ...] = ()
     alternatives: tuple[Solution, ...] = ()
     along_track_m: float | None = None  # from the first ping, along a straight track
     closest_slant_range_m: float | None = None  # from a straight track
     method: str = "all-pings"  # one of METHODS
+    log: tuple[Step, ...] = ()  # how the minimisation went
     simulated: bool = False
 
     @property
@@ -153,9 +163,9 @@ def blank_fix(pings: Pings, settings: FixSettings) -> tuple[BeaconFix, np.ndarra
     ship = frame.to_local(pings.lat_deg, pings.lon_deg, pings.up_m)
     allowed = np.isfinite(pings.travel_time_s) & np.isfinite(ship).all(axis=1)
     allowed &= ~np.isin(pings.number, list(settings.left_out))
-    elapsed = pings.instant_s
-    if settings.interval_s and not pings.timed:
-        elapsed = settings.interval_s * (pings.number - pings.number[:1])
+    time = pings.travel_time_s[allowed]
+    if settings.interval_s is not None:
+        time = unfold(time, settings.interval_s, ship[allowed], settings.sound_speed_mps)
     blank = BeaconFix(
         False,
         None,
@@ -163,19 +173,22 @@ def blank_fix(pings: Pings, settings: FixSettings) -> tuple[BeaconFix, np.ndarra
         ship,
         pings.number,
         allowed.copy(),
-        elapsed_s=elapsed,
         method=settings.method,
         simulated=pings.simulated,
     )
-    return blank, allowed
+    return timed(blank, time, pings, allowed, settings), allowed
 
 
-def unfolded_times(pings: Pings, ship: np.ndarray, allowed: np.ndarray, settings: FixSettings) -> np.ndarray:
-    """Times (n,) [s] of the pings allowed, in order again where they were folded at an interval."""
-    time = pings.travel_time_s[allowed]
-    if settings.interval_s is None:
-        return time
-    return unfold(time, settings.interval_s, ship[allowed], settings.sound_speed_mps)
+def timed(
+    blank: BeaconFix, time_s: np.ndarray, pings: Pings, allowed: np.ndarray, settings: FixSettings
+) -> BeaconFix:
+    """A fix with its times in order again, and the instants that follow from them.
+
+    time_s : (n,) of the pings allowed (N,)
+    """
+    every = np.full(len(allowed), np.nan)
+    every[allowed] = time_s
+    return replace(blank, time_s=every, elapsed_s=emission_instants(pings, time_s, allowed, settings))
 
 
 def time_sigma(pings: Pings, settings: FixSettings) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 
 from trackerlib.beacon.choice import compare_models, usual_models
 from trackerlib.beacon.fix import fix_beacon
+from trackerlib.beacon.intervals import bootstrap_intervals, interval_words, profile_intervals
 from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.navigation import PositionLimits, pings_of_stream, ship_at_receptions
 from trackerlib.beacon.pairs import LEAST_EXPERIMENTS
@@ -19,7 +20,7 @@ from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.planning import error_budget
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import METHODS, FixSettings
-from trackerlib.beacon.uncertainty import ellipse95
+from trackerlib.commands.fix_document import document, step_document
 from trackerlib.exports.export import SUFFIXES, export_fix
 from trackerlib.rounding import value_with_sigma
 from trackerlib.surveyfiles.profile_csv import read_profile_csv
@@ -29,7 +30,6 @@ from trackerlib.textfiles import InputError, read_lines
 
 MOST_NAMED = 40  # pings that a report lists by number
 SUMMARY = "fix a beacon from a survey file"
-SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_depth_m")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +52,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     water.add_argument("--sound-speed-mps", type=float, default=defaults.sound_speed_mps, metavar="C")
     water.add_argument("--profile", type=Path, metavar="FILE", help="csv depth_m, speed_mps")
     add("--sound-speed-sigma-mps", type=float, metavar="S", help="default 2, or 0.5 with a profile")
-    add("--gps-rms-m", type=float, metavar="G", help="ship position error, each of east and north")
+    add("--estimate-sound-speed", action="store_true", help="too; the one told and its sigma are the prior")
+    add("--estimate-interval", action="store_true", help="too; the one told is nearly right")
+    add("--estimate-interval-drift", action="store_true", help="and how it changes")
+    add(
+        "--gps-rms-m",
+        type=_one_or_two,
+        metavar="G[,N]",
+        help="ship position error, each of east and north, or both apart",
+    )
+    add("--gps-correlation-s", type=float, metavar="S", help="in which that error's correlation falls by e")
+    add(
+        "--antenna-sigma-m",
+        type=_one_or_two,
+        default=0.0,
+        metavar="H[,V]",
+        help="sigma of the offset from antenna to hydrophone: each of forward and starboard, and down",
+    )
     add(
         "--sample-interval-ms",
         type=float,
@@ -102,7 +118,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help=f"also write {', '.join(SUFFIXES)}",
     )
+    add(
+        "--intervals",
+        choices=("profile", "bootstrap"),
+        help="also 95 %% intervals that need no ellipse, by profile likelihood or by resampled residuals",
+    )
     add("--compare", action="store_true", help="also score the motions and speeds of sound to choose from")
+    add("--log", action="store_true", help="also tell how the minimisation went, step by step")
     add("--gpx-version", choices=("1.1", "1.0"), default="1.1", help="of an exported .gpx")
     add("--reject", choices=("auto", "none"), default="auto", help="leave out false returns, or nothing")
 
@@ -151,12 +173,16 @@ def _from_stream(args: argparse.Namespace) -> Pings:
 
 
 def _settings(args: argparse.Namespace) -> FixSettings:
+    antenna = np.atleast_1d(args.antenna_sigma_m).tolist()
     try:
         settings = FixSettings(
             sound_speed_mps=args.sound_speed_mps,
             profile=None if args.profile is None else read_profile_csv(args.profile),
             sound_speed_sigma_mps=args.sound_speed_sigma_mps,
+            estimate_sound_speed=args.estimate_sound_speed,
             gps_rms_m=args.gps_rms_m,
+            gps_correlation_s=args.gps_correlation_s,
+            antenna_sigma_m=(antenna[0], antenna[-1] if len(antenna) > 1 else 0.0),
             sample_interval_ms=args.sample_interval_ms,
             emission_known=args.emission_known,
             start=args.start,
@@ -171,6 +197,8 @@ def _settings(args: argparse.Namespace) -> FixSettings:
             motion=args.motion,
             max_speed_mps=args.max_speed_mps,
             interval_s=args.interval_s,
+            estimate_interval=args.estimate_interval,
+            estimate_interval_drift=args.estimate_interval_drift,
         )
     except InputError:
         raise
@@ -194,6 +222,9 @@ def run(args: argparse.Namespace) -> dict:
         layout = f"gpx-{args.gpx_version}" if path.suffix.lower() == ".gpx" else None
         export_fix(fix, path, layout, pings=pings, settings=settings)
     answer = document(fix)
+    answer |= _intervals(pings, fix, settings, args.intervals)
+    if args.log:
+        answer["log"] = [step_document(step) for step in fix.log]
     if args.compare:
         answer["models"] = [
             {
@@ -212,119 +243,20 @@ def run(args: argparse.Namespace) -> dict:
     return answer
 
 
-def document(fix: BeaconFix) -> dict:
-    """A fix under the keys that others rely on."""
-    known = fix.position is not None
-    answer = {
-        "converged": fix.converged,
-        "reason": fix.reason,
-        "lat_deg": fix.lat_deg,
-        "lon_deg": fix.lon_deg,
-        "depth_m": fix.depth_m,
-        "east_m": float(fix.position[0]) if known else None,
-        "north_m": float(fix.position[1]) if known else None,
-        "origin": {"lat_deg": fix.frame.lat_deg, "lon_deg": fix.frame.lon_deg},
-        "velocity_mps": None if fix.velocity is None else fix.velocity.tolist(),
-        "emission_offset_s": fix.emission_offset_s,
-        "sound_speed_mps": fix.sound_speed_mps,
-        "pings": len(fix.number),
-        "used": int(fix.used.sum()),
-        "rejected": [int(number) for number in fix.rejected],
-        "unobservable": [{"direction_enu": list(u.direction_enu), "why": u.why} for u in fix.unobservable],
-        "alternatives": [
-            {
-                "lat_deg": other.lat_deg,
-                "lon_deg": other.lon_deg,
-                "depth_m": other.depth_m,
-                "east_m": other.east_m,
-                "north_m": other.north_m,
-                "chi_square_above_best": other.misfit,
-            }
-            for other in fix.alternatives
-        ],
-        "method": fix.method,
-        "simulated": fix.simulated,
-        **_uncertainty(fix),
-    }
-    if fix.velocity is not None and fix.uncertainty is not None:
-        answer |= _motion(fix)
-    if fix.unobservable:
-        answer["along_track_m"] = fix.along_track_m
-        answer["closest_slant_range_m"] = fix.closest_slant_range_m
-    return answer
-
-
-def _uncertainty(fix: BeaconFix) -> dict:
-    keys = (*SIGMAS, "covariance_enu_m2", "ellipse95", "rms_ms")
-    if fix.uncertainty is None:
-        return dict.fromkeys(keys)
-    shape = fix.ellipse
-    return {
-        **dict(zip(keys[:3], map(float, fix.sigma), strict=True)),
-        "covariance_enu_m2": fix.uncertainty.covariance[:3, :3].tolist(),
-        "ellipse95": {
-            "semi_major_m": shape.semi_major_m,
-            "semi_minor_m": shape.semi_minor_m,
-            "bearing_deg": shape.bearing_deg,
-        },
-        "rms_ms": 1e3 * fix.uncertainty.rms_s,
-        "sigma_depth_from_sound_speed_m": abs(
-            float(fix.uncertainty.speed_sigma_mps * fix.uncertainty.by_sound_speed[2])
-        ),
-        "residual_correlation_length": fix.uncertainty.correlation.length,
-    }
-
-
-def _motion(fix: BeaconFix) -> dict:
-    """Keys of a moving beacon: the position above is at the first ping; here it is when it is known best, and now."""
-    last = float(np.max(fix.elapsed_s))
-    instants = {"steadiest": float(np.clip(fix.steadiest_s, 0.0, last)), "present": last}
-    answer = {
-        "epoch_s": 0.0,
-        "sigma_velocity_mps": fix.uncertainty.sigma[3:].tolist(),
-        "covariance_velocity_m2ps2": fix.uncertainty.covariance[3:, 3:].tolist(),
-        "covariance_position_velocity_m2ps": fix.uncertainty.covariance[:3, 3:].tolist(),
-    }
-    for name, instant in instants.items():
-        position, covariance = fix.at(instant)
-        lat, lon, up = fix.frame.to_geodetic(position)
-        sigma, shape = np.sqrt(np.diag(covariance)), ellipse95(covariance)
-        answer[name] = {
-            "epoch_s": instant,
-            "lat_deg": float(lat),
-            "lon_deg": float(lon),
-            "depth_m": -float(up),
-            "east_m": float(position[0]),
-            "north_m": float(position[1]),
-            **dict(zip(SIGMAS, map(float, sigma), strict=True)),
-            "ellipse95": asdict(shape),
+def _intervals(pings: Pings, fix: BeaconFix, settings: FixSettings, how: str | None) -> dict:
+    """The 95 % intervals asked for, and a warning where the ellipse is not enough."""
+    answer: dict = {"warnings": []} if how is None else {"warnings": [], "interval95_m": None}
+    if not fix.converged or settings.method != "all-pings":
+        return answer
+    profile = profile_intervals(pings, fix, settings)
+    if sentence := interval_words(fix, profile):
+        answer["warnings"].append(sentence)
+    if how is not None:
+        chosen = profile if how == "profile" else bootstrap_intervals(pings, fix, settings)
+        answer["interval95_m"] = {
+            name: [interval.low_m, interval.high_m] for name, interval in chosen.items()
         }
-    rising = fix.velocity[2]
-    if rising > 2 * fix.uncertainty.sigma[5] > 0:
-        answer["surfaces"] = _surfacing(fix)
     return answer
-
-
-def _surfacing(fix: BeaconFix) -> dict:
-    """When and where a rising beacon comes to the surface, with standard errors to first order."""
-    rising = fix.velocity[2]
-    seconds = -fix.position[2] / rising
-    gradient = np.zeros(6)
-    gradient[2], gradient[5] = -1 / rising, fix.position[2] / rising**2
-    sigma_s = float(np.sqrt(gradient @ fix.uncertainty.covariance @ gradient))
-    step = np.hstack([np.eye(3), seconds * np.eye(3)]) + np.outer([*fix.velocity[:2], 0.0], gradient)
-    place = fix.position + seconds * fix.velocity
-    covariance = step @ fix.uncertainty.covariance @ step.T
-    lat, lon, _ = fix.frame.to_geodetic(place)
-    east, north = np.sqrt(np.maximum(np.diag(covariance)[:2], 0.0))
-    return {
-        "epoch_s": float(seconds),
-        "sigma_epoch_s": sigma_s,
-        "lat_deg": float(lat),
-        "lon_deg": float(lon),
-        "sigma_east_m": float(east),
-        "sigma_north_m": float(north),
-    }
 
 
 def report(answer: dict) -> str:
@@ -347,6 +279,21 @@ def report(answer: dict) -> str:
             f"ellipse   95 %: {shape['semi_major_m']:.2g} by {shape['semi_minor_m']:.2g} m, "
             f"long axis {shape['bearing_deg']:.0f} degrees from true north"
         )
+    if answer.get("interval95_m"):
+        lines.append(
+            "interval  95 %: "
+            + "; ".join(
+                f"{name} {_bound(low)} to {_bound(high)}"
+                for name, (low, high) in answer["interval95_m"].items()
+            )
+        )
+    if "interval_s" in answer:
+        lines.append(
+            f"pinger    every {value_with_sigma(answer['interval_s'], answer['sigma_interval_s'], 's')}"
+        )
+    if "interval_drift_ppm_per_hour" in answer:
+        drift, sigma = answer["interval_drift_ppm_per_hour"], answer["sigma_interval_drift_ppm_per_hour"]
+        lines.append(f"drift     {value_with_sigma(drift, sigma, 'ppm')} an hour")
     if "present" in answer:
         now, velocity, sigma = answer["present"], answer["velocity_mps"], answer["sigma_velocity_mps"]
         lines.append("that was at the first ping; it moves")
@@ -386,10 +333,26 @@ def report(answer: dict) -> str:
         f"fits as well: {a['lat_deg']:.6f}, {a['lon_deg']:.6f}, depth {a['depth_m']:.0f} m"
         for a in answer["alternatives"]
     ]
+    lines += [f"note      {sentence}" for sentence in answer["warnings"]]
     named, more = answer["rejected"][:MOST_NAMED], len(answer["rejected"]) - MOST_NAMED
     rejected = (", ".join(map(str, named)) or "none") + (f" and {more} more" if more > 0 else "")
     lines.append(f"pings     {answer['used']} of {answer['pings']} used; left out: {rejected}")
+    lines += [f"step      {step['words']}" for step in answer.get("log", [])]
     return "\n".join(lines)
+
+
+def _bound(value: float) -> str:
+    return f"{value:.1f} m" if math.isfinite(value) else "open"
+
+
+def _one_or_two(text: str) -> float | tuple[float, float]:
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) not in (1, 2):
+        raise argparse.ArgumentTypeError(f"found {text!r}; wanted one number of metres, or two with a comma")
+    return values[0] if len(values) == 1 else (values[0], values[1])
 
 
 def _offset(text: str) -> tuple[float, float, float]:
