@@ -18,6 +18,7 @@ EXPLAINED = (
     6.0  # standard errors of chi-square, which shared receptions widen: no further start is tried below
 )
 AT_REST = 1e-8  # squared step in standard errors
+CAREFUL = 1e-3  # damping after a step that failed or left the box
 ROUNDING = 1e-10  # of a sum of squares
 ROUNDS = 2  # that put an experiment's corrections right
 LANES = 8  # experiments are padded to a multiple of this
@@ -257,7 +258,7 @@ def _descend(theta, work, gps_variance, range_variance, limits, scratch, covaria
     while step < STEPS and np.isfinite(total):
         step += 1
         if not _factor(normal, damping, lower):
-            damping = max(10 * damping, 1e-3)
+            damping = max(10 * damping, CAREFUL)
             if damping > 1e12:
                 break
             continue
@@ -266,6 +267,9 @@ def _descend(theta, work, gps_variance, range_variance, limits, scratch, covaria
         for k in range(len(theta)):
             small += right[k] * move[k]
         outside = _try(theta, move, limits, trial)
+        if outside and damping < CAREFUL:
+            damping = CAREFUL
+            continue
         pressed = pressed + 1 if outside else 0
         if pressed > PRESSED:
             break
@@ -281,7 +285,7 @@ def _descend(theta, work, gps_variance, range_variance, limits, scratch, covaria
             right, right_there = right_there, right
             damping = 0.0 if damping < 1e-6 else damping / 10
         else:
-            damping = max(10 * damping, 1e-3)
+            damping = max(10 * damping, CAREFUL)
     if not _factor(normal, 0.0, lower):
         return total, step, False
     for column in range(len(theta)):
