@@ -20,10 +20,11 @@ EXPLAINED = (
 AT_REST = 1e-8  # squared step in standard errors
 CAREFUL = 1e-3  # damping after a step that failed or left the box
 ROUNDING = 1e-10  # of a sum of squares
-ROUNDS = 2  # that put an experiment's corrections right
+FAR = 400.0  # ship position errors: from here on one round puts an experiment's corrections right, else two
 LANES = 8  # experiments are padded to a multiple of this
 STILL_COLUMNS, MOVING_COLUMNS = 3, 7  # that a start's squares are linear in
 ROWS = 10  # weight, two epochs, two places, difference of ranges
+ONE_ROUND, TWO_ROUNDS = (0,), (0, 0)  # their lengths are known when compiled
 FAST = {"reassoc", "contract", "arcp", "nsz"}  # NaN and infinity keep their meaning
 
 
@@ -76,14 +77,20 @@ def _gather(ship, ranges, pairs, work):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def _rough_root(square):
+    """1 / sqrt(square) to 7 digits: processors estimate it quickly in single precision."""
+    return np.float64(np.float32(1) / np.sqrt(np.float32(square)))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def _reciprocal_root(square):
-    """1 / sqrt(square) to 14 digits: processors estimate it in single precision, one Newton step doubles that."""
-    q = np.float64(np.float32(1) / np.sqrt(np.float32(square)))
+    """1 / sqrt(square) to 14 digits: one Newton step doubles those of the estimate."""
+    q = _rough_root(square)
     return q * (1.5 - 0.5 * square * q * q)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
-def _rest(x1, y1, z1, x2, y2, z2, difference, gps_variance, range_variance):
+def _rest(x1, y1, z1, x2, y2, z2, difference, gps_variance, range_variance, rounds):
     """Level directions and reciprocal ranges of one experiment whose corrections rest, its misfit and 1 / c.
 
     An experiment's corrections are -lambda V a with g = 0 (2-70). They only stretch the level offsets, by f1 and f2,
@@ -91,10 +98,10 @@ def _rest(x1, y1, z1, x2, y2, z2, difference, gps_variance, range_variance):
     """
     hh1, hh2, zz1, zz2 = x1 * x1 + y1 * y1, x2 * x2 + y2 * y2, z1 * z1, z2 * z2
     s1, s2 = hh1 + zz1, hh2 + zz2
-    q1, q2 = _reciprocal_root(s1), _reciprocal_root(s2)
+    q1, q2 = _rough_root(s1), _rough_root(s2)
     qq1, qq2 = q1 * q1, q2 * q2
     level1, level2 = hh1 * qq1, hh2 * qq2
-    root = _reciprocal_root(gps_variance * (level1 + level2) + 2 * range_variance)
+    root = _rough_root(gps_variance * (level1 + level2) + 2 * range_variance)
     over_c = root * root
     mu = (s1 * q1 - s2 * q2 - difference) * over_c * gps_variance
     up1, up2 = zz1 * qq1, zz2 * qq2
@@ -102,7 +109,7 @@ def _rest(x1, y1, z1, x2, y2, z2, difference, gps_variance, range_variance):
     p1, p2 = mu * q1, mu * q2
     f1, f2 = 1 - p1 * (1 - p1 * up1), 1 + p2 * (1 + p2 * up2)
     miss = 0.0
-    for k in range(ROUNDS):
+    for k in range(len(rounds)):
         q1, q2 = _reciprocal_root(f1 * f1 * hh1 + zz1), _reciprocal_root(f2 * f2 * hh2 + zz2)
         u1, u2 = f1 * q1, f2 * q2
         root = _reciprocal_root(gps_variance * (u1 * u1 * hh1 + u2 * u2 * hh2) + 2 * range_variance)
@@ -110,21 +117,21 @@ def _rest(x1, y1, z1, x2, y2, z2, difference, gps_variance, range_variance):
         # slant range of the corrected place plus a times its correction
         miss = (f1 * hh1 * f1 + zz1) * q1 - (f2 * hh2 * f2 + zz2) * q2 - difference
         miss += u1 * (1 - f1) * hh1 - u2 * (1 - f2) * hh2
-        if k < ROUNDS - 1:
+        if k < len(rounds) - 1:
             mu = miss * over_c * gps_variance
             f1, f2 = 1 - mu * u1, 1 + mu * u2
     return u1 * x1, u1 * y1, u2 * x2, u2 * y2, z1 * q1, z2 * q2, miss, root
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _still_sums(theta, work, gps_variance, range_variance, normal, right):
+def _still_sums(theta, work, gps_variance, range_variance, rounds, normal, right):
     """Fills D (2-67) and the right side (2-68) of a still beacon; the sum of squared misfits."""
     px, py, pz = theta[0], theta[1], theta[2]
     total = rx = ry = rz = nxx = nxy = nyy = nxz = nyz = nzz = 0.0
     for n in range(work.shape[1]):
         ux1, uy1, ux2, uy2, uz1, uz2, miss, root = _rest(
             work[3, n] - px, work[4, n] - py, pz - work[5, n], work[6, n] - px, work[7, n] - py, pz - work[8, n],
-            work[9, n], gps_variance, range_variance,
+            work[9, n], gps_variance, range_variance, rounds,
         )  # fmt: skip
         root *= work[0, n]
         miss *= root
@@ -146,7 +153,7 @@ def _still_sums(theta, work, gps_variance, range_variance, normal, right):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _moving_sums(theta, work, gps_variance, range_variance, normal, right):
+def _moving_sums(theta, work, gps_variance, range_variance, rounds, normal, right):
     """The same of a moving beacon."""
     px, py, pz, vx, vy, vz = theta[0], theta[1], theta[2], theta[3], theta[4], theta[5]
     total = r0 = r1 = r2 = r3 = r4 = r5 = 0.0
@@ -157,7 +164,7 @@ def _moving_sums(theta, work, gps_variance, range_variance, normal, right):
         ux1, uy1, ux2, uy2, uz1, uz2, miss, root = _rest(
             work[3, n] - px - t1 * vx, work[4, n] - py - t1 * vy, pz + t1 * vz - work[5, n],
             work[6, n] - px - t2 * vx, work[7, n] - py - t2 * vy, pz + t2 * vz - work[8, n],
-            work[9, n], gps_variance, range_variance,
+            work[9, n], gps_variance, range_variance, rounds,
         )  # fmt: skip
         root *= work[0, n]
         miss *= root
@@ -186,9 +193,15 @@ def _moving_sums(theta, work, gps_variance, range_variance, normal, right):
 
 @compiled
 def _normal_equations(theta, work, gps_variance, range_variance, normal, right):
+    x, y, z = work[3, 0] - theta[0], work[4, 0] - theta[1], work[5, 0] - theta[2]
+    far = x * x + y * y + z * z > FAR**2 * gps_variance
     if len(theta) == 3:
-        return _still_sums(theta, work, gps_variance, range_variance, normal, right)
-    return _moving_sums(theta, work, gps_variance, range_variance, normal, right)
+        if far:
+            return _still_sums(theta, work, gps_variance, range_variance, ONE_ROUND, normal, right)
+        return _still_sums(theta, work, gps_variance, range_variance, TWO_ROUNDS, normal, right)
+    if far:
+        return _moving_sums(theta, work, gps_variance, range_variance, ONE_ROUND, normal, right)
+    return _moving_sums(theta, work, gps_variance, range_variance, TWO_ROUNDS, normal, right)
 
 
 @compiled
@@ -306,18 +319,18 @@ def _columns(epochs, moving):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _mean(values):
+def _mean(rows, i):
     total = 0.0
-    for n in range(len(values)):
-        total += values[n]
-    return total / len(values)
+    for n in range(rows.shape[1]):
+        total += rows[i, n]
+    return total / rows.shape[1]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _dot(one, other):
+def _dot(rows, i, j):
     total = 0.0
-    for n in range(len(one)):
-        total += one[n] * other[n]
+    for n in range(rows.shape[1]):
+        total += rows[i, n] * rows[j, n]
     return total
 
 
@@ -329,26 +342,33 @@ def _linear_place(theta, moving, ship, ranges, columns, scratch, limits):
     """
     size = MOVING_COLUMNS if moving else STILL_COLUMNS
     normal, lower, right, solved, mean = scratch[0], scratch[2], scratch[3], scratch[5], scratch[6]
-    east, north, height = _mean(ship[:, 0]), _mean(ship[:, 1]), _mean(ship[:, 2])
-    middle = _mean(ranges)
-    known = columns[-1]
-    for n in range(len(ranges)):
+    count, last = len(ranges), len(columns) - 1
+    east = north = height = middle = 0.0
+    for n in range(count):
+        east += ship[n, 0]
+        north += ship[n, 1]
+        height += ship[n, 2]
+        middle += ranges[n]
+    east, north, height, middle = east / count, north / count, height / count, middle / count
+    for n in range(count):
         x, y, r = ship[n, 0] - east, ship[n, 1] - north, ranges[n] - middle
-        columns[0, n], columns[1, n], columns[2, n], known[n] = x, y, r, x * x + y * y - r * r
+        columns[0, n], columns[1, n], columns[2, n], columns[last, n] = x, y, r, x * x + y * y - r * r
     if moving:
-        for n in range(len(ranges)):
+        for n in range(count):
             columns[3, n], columns[4, n] = columns[5, n] * columns[0, n], columns[5, n] * columns[1, n]
-    count, mean_known = len(ranges), _mean(known)
+    mean_known = _mean(columns, last)
     for i in range(size):
-        mean[i] = _mean(columns[i])
-        right[i] = _dot(columns[i], known) - count * mean[i] * mean_known
+        mean[i] = _mean(columns, i)
+        right[i] = _dot(columns, i, last) - count * mean[i] * mean_known
         for j in range(i + 1):
-            normal[i, j] = _dot(columns[i], columns[j]) - count * mean[i] * mean[j]
+            normal[i, j] = _dot(columns, i, j) - count * mean[i] * mean[j]
     if not _factor(normal[:size, :size], 0.0, lower):
         return False
     _substitute(lower, right[:size], solved)
     p0, p1, c0 = solved[0] / 2, solved[1] / 2, -solved[2] / 2
-    square = c0 * c0 - p0 * p0 - p1 * p1 - mean_known + _dot(mean[:size], solved[:size])
+    square = c0 * c0 - p0 * p0 - p1 * p1 - mean_known
+    for k in range(size):
+        square += mean[k] * solved[k]
     depth = np.sqrt(max(square, 100.0))
     for k in range(len(theta)):
         theta[k] = 0.0
@@ -360,7 +380,7 @@ def _linear_place(theta, moving, ship, ranges, columns, scratch, limits):
             theta[5] = 0.0
     for k in range(len(theta)):
         theta[k] = min(max(theta[k], 0.9 * limits[0, k]), 0.9 * limits[1, k])
-    return np.isfinite(_dot(theta, theta))
+    return np.isfinite(square)
 
 
 @compiled
