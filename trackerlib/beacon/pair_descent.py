@@ -14,9 +14,7 @@ from trackerlib.compiled import compiled
 STEPS = 200
 ATTEMPTS = 7  # two linear starts, the one told, one in each quarter of the box
 PRESSED = 8  # steps in a row against the side of the search box: the answer lies outside
-EXPLAINED = (
-    6.0  # standard errors of chi-square, which shared receptions widen: no further start is tried below
-)
+EXPLAINED = 6.0  # standard errors of chi-square, which shared receptions widen; below it starts end
 AT_REST = 1e-8  # squared step in standard errors
 CAREFUL = 1e-3  # damping after a step that failed or left the box
 ROUNDING = 1e-10  # of a sum of squares
@@ -91,7 +89,7 @@ def _reciprocal_root(square):
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def _rest(x1, y1, z1, x2, y2, z2, difference, gps_variance, range_variance, rounds):
-    """Level directions and reciprocal ranges of one experiment whose corrections rest, its misfit and 1 / c.
+    """Level directions and reciprocal ranges of one experiment whose corrections rest, its misfit and 1 / sqrt(c).
 
     An experiment's corrections are -lambda V a with g = 0 (2-70). They only stretch the level offsets, by f1 and f2,
     and h = h0 -+ mu a with a = h / d, mu = lambda gps_variance, gives f to second order before it is put right.
