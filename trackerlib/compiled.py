@@ -51,16 +51,15 @@ def _cache_folder() -> Path | None:
     return None
 
 
-# numba reads these when it is imported, so they stand before the import.
+# numba reads this when it is imported, so it stands before the import.
 if not os.environ.get("NUMBA_CACHE_DIR") and (_folder := _cache_folder()):
     os.environ["NUMBA_CACHE_DIR"] = str(_folder)
 
-# LLVM keeps to half the width of AVX-512, as the first of these processors slowed down at all of it.
-if not os.environ.get("NUMBA_CPU_FEATURES"):
-    _features = llvmlite.binding.get_host_cpu_features()
-    os.environ["NUMBA_CPU_FEATURES"] = f"{_features.flatten()},-prefer-256-bit"
-
 import numba  # noqa: E402
+
+# LLVM keeps to half the width of AVX-512, as the first of these processors slowed down at all of it.
+if numba.config.CPU_FEATURES is None:
+    numba.config.CPU_FEATURES = f"{llvmlite.binding.get_host_cpu_features().flatten()},-prefer-256-bit"
 
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
