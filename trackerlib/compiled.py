@@ -56,10 +56,12 @@ if not os.environ.get("NUMBA_CACHE_DIR") and (_folder := _cache_folder()):
     os.environ["NUMBA_CACHE_DIR"] = str(_folder)
 
 import numba  # noqa: E402
+from numba.core import config  # noqa: E402
 
 # LLVM keeps to half the width of AVX-512, as the first of these processors slowed down at all of it.
-if numba.config.CPU_FEATURES is None:
-    numba.config.CPU_FEATURES = f"{llvmlite.binding.get_host_cpu_features().flatten()},-prefer-256-bit"
+if config.CPU_FEATURES is None:  # type: ignore[attr-defined]
+    _features = llvmlite.binding.get_host_cpu_features().flatten()
+    config.CPU_FEATURES = f"{_features},-prefer-256-bit"  # type: ignore[attr-defined]
 
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
