@@ -101,7 +101,7 @@ class Contours:
         """Contours about the fix, 95 % the second of them; None clears them."""
         fig, blank = self.figure, np.zeros((2, 2))
         grid = ([0, 1], [0, 1], blank) if surface is None else (surface.across, surface.up, surface.rise)
-        self.drawn.set_data(contour_data(*grid, list(LEVELS)))
+        self.drawn.set_data(contour_data(*grid, list(LEVELS), want_fill=False))
         self.centre.data = {"x": [], "y": []}
         if surface is None:
             return

@@ -125,10 +125,10 @@ class BeaconTab(Tab):
             settings.estimator,
             settings.motion,
             settings.ship_errors,
-            pn.Row(settings.gps, settings.correlation, margin=0),
+            settings.gps,
             settings.water,
             settings.sound_speed,
-            pn.Row(self.leg.button, self.models.button, margin=0),
+            self.leg.button,
         ]
 
     def more(self):
@@ -137,7 +137,7 @@ class BeaconTab(Tab):
             "Edits": self.edits.controls(),
             "Replay": [self.speed, pn.Row(self.at_once, self.history_button, margin=0)],
             "Sound and ship": [
-                settings.speed_sigma, settings.fit_speed, settings.hydrophone, *settings.antenna,
+                settings.correlation, settings.speed_sigma, settings.fit_speed, settings.hydrophone, *settings.antenna,
             ],
             "Times": [
                 settings.reject, settings.emission, settings.sample, settings.interval, settings.fit_interval,
