@@ -63,6 +63,11 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.beacon.squared_range",
     "trackerlib.beacon.pairs",
     "trackerlib.beacon.live",
+    "trackerlib.timing.variance_components",
+    "trackerlib.timing.correlated_noise",
+    "trackerlib.receiver.report_receiver",
+    "trackerlib.receiver.demodulation",
+    "trackerlib.receiver.chains",
 )
 
 _warm_ups: list[Callable[[], object]] = []

@@ -14,7 +14,8 @@ from dashboards.tabs.tab import Tab, alone, heading, number
 from trackerlib.crossover.gaps import summarise_gap
 from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, GatingResult
 from trackerlib.crossover.pairs import CrossoverSet
-from trackerlib.crossover.straight_line import fit_straight_line, is_curved
+from trackerlib.crossover.smooth_track import is_curved
+from trackerlib.crossover.straight_line import fit_straight_line
 from trackerlib.rangefiles.crossover_file import crossover_file_name, crossover_text
 
 EMPTY = (

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trackerlib.crossover.noise import autocorrelation, displacement, residual_noise
-from trackerlib.crossover.straight_line import fit_straight_line, is_curved
+from trackerlib.crossover.noise import autocorrelation, displacement, gap_of_printed, residual_noise
+from trackerlib.crossover.smooth_track import choose_degree, fit_track, is_curved
+from trackerlib.crossover.straight_line import fit_straight_line
 
 COUNTS = np.array([1, 2, 3, 5, 8, 9, 12, 13, 20, 21])
 START, STEP = np.array([20_000.0, -400.0, -300.0]), np.array([48.0, 5.0, -1.0])
@@ -98,9 +100,70 @@ def test_displacement_is_a_length():
 
 def test_autocorrelation_is_by_point_count_not_by_row():
     # Series 1, -1, 1 at counts 0, 1, 3: deviations 2/3, -4/3, 2/3 about 1/3; sum of squares 24/9.
-    rho = autocorrelation(np.array([1.0, -1.0, 1.0]), np.array([0, 1, 3]), lags=4)
+    found = autocorrelation(np.array([1.0, -1.0, 1.0]), np.array([0, 1, 3]), lags=4)
+    rho = found.value
+    assert found.pairs.tolist() == [3, 1, 1, 1, 0]
     assert rho[0] == 1
     assert rho[1] == pytest.approx((2 / 3 * -4 / 3) / (24 / 9))  # only counts 0 and 1 are one apart
     assert rho[2] == pytest.approx((-4 / 3 * 2 / 3) / (24 / 9))  # counts 1 and 3
     assert rho[3] == pytest.approx((2 / 3 * 2 / 3) / (24 / 9))
     assert np.isnan(rho[4])
+
+
+def test_white_noise_stays_within_the_band_95_times_in_100():
+    rng = np.random.default_rng(5)
+    counts = np.sort(rng.choice(120, 60, replace=False))
+    inside = []
+    for _ in range(300):
+        found = autocorrelation(rng.normal(size=60), counts, lags=10)
+        inside.append(np.abs(found.value[1:]) < found.band[1:])
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.015)
+
+
+@pytest.mark.parametrize(("bend", "degree"), [((0, 0), 1), ((0.05, 0), 2), ((0.0, 0.004), 3)])
+def test_the_degree_of_a_track_is_found(bend, degree):
+    counts = np.arange(60)
+    t = counts - 30.0
+    track = START + np.outer(counts, STEP) + (bend[0] * t**2 + bend[1] * t**3)[:, None] * [0, 1, 0]
+    rng = np.random.default_rng(6)
+    found = [choose_degree(track + rng.normal(size=track.shape), counts) for _ in range(40)]
+    assert np.mean(np.array(found) == degree) > 0.94
+    course = fit_track(track + rng.normal(size=track.shape), counts)
+    assert np.abs(course.at(counts) - track).max() < 1.5
+
+
+def test_a_bend_is_no_noise():
+    counts = np.arange(60)
+    bend = START + np.outer(counts, STEP) + (0.05 * (counts - 30.0) ** 2)[:, None] * [0, 1, 0]
+    rng = np.random.default_rng(7)
+    x, y = (bend + rng.normal(size=bend.shape) for _ in range(2))
+    assert residual_noise(x, y, counts).first[1, 1] > 50
+    smooth = residual_noise(x, y, counts, degree=None)
+    assert smooth.degree == 2
+    assert np.diag(smooth.first) == pytest.approx([1, 1, 1], rel=0.5)
+
+
+def test_cross_correlations_are_correlations():
+    rng = np.random.default_rng(8)
+    common = rng.normal(size=LINE.shape)
+    noise = residual_noise(LINE + common, LINE + common, COUNTS)
+    assert np.diag(noise.cross_correlation) == pytest.approx([1, 1, 1])
+
+
+def test_table_c1_closes_on_m_through_its_printed_correlations(shared):
+    table = pd.read_csv(shared / "seed-data/seed000_tableC1_residual_covariances.csv")
+    closed = 0
+    for _, row in table.dropna(subset=["Dx11"]).iterrows():
+        first, second, printed, wanted = (
+            np.array([[row[f"{name}{i}{j}"] for j in (1, 2, 3)] for i in (1, 2, 3)])
+            for name in ("Dx", "Dy", "Rxy", "M")
+        )
+        size = np.sqrt(np.outer(np.diag(second), np.diag(first)))
+        # Every printed number is rounded to 0.01; a correlation's rounding counts by its deviations.
+        rounding = (
+            0.005 * (3 + size + size.T) + 0.005 * np.abs(printed * size + (printed * size).T) / size.min()
+        )
+        apart = np.abs(gap_of_printed(first, second, printed) - wanted)
+        assert np.all(apart <= rounding + 0.02), f"set {row['set']}"
+        closed += 1
+    assert closed == 66

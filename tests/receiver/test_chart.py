@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackerlib.receiver.chart import ChartSettings, chart_lines, fold
+from trackerlib.receiver.chart import ChartSettings, LevelPaper, chart_lines, fold, level_lines
 
 
 def darkest(lines):
@@ -57,3 +57,58 @@ def test_a_mark_at_the_right_edge_goes_on_at_the_left():
 def test_settings_that_make_no_sense_are_named(setting):
     with pytest.raises(ValueError, match=next(iter(setting))):
         ChartSettings(**setting)
+
+
+def levels_with_marks(times_s, seconds, sample_interval_s=1e-3):
+    """Levels of a stream that is bare but for marks of one sample."""
+    levels = np.zeros(round(seconds / sample_interval_s), np.uint8)
+    levels[np.floor(np.asarray(times_s) / sample_interval_s + 1e-6).astype(int)] = 200
+    return levels
+
+
+@pytest.mark.parametrize("interval_s", [2.0, 2.0001, 1.9998, 2.0013, 1.99])
+@pytest.mark.parametrize("columns", [500, 2000, 2500])
+def test_levels_slant_evenly_at_any_interval_and_do_not_drift(interval_s, columns):
+    times = 1.0 + 2.0 * np.arange(1000)
+    levels = levels_with_marks(times, 2002.0)
+    settings = ChartSettings(interval_s=interval_s, columns=columns)
+    lines = level_lines(levels, settings)
+    line = np.floor(times / interval_s).astype(int)
+    for time, number in zip(times, line, strict=True):
+        if number >= len(lines):
+            continue
+        expected = (time - number * interval_s) / interval_s * columns
+        shown = np.flatnonzero(lines[number] == 200)
+        # A sample of 1 ms is wider than a column where there are 2500 of them.
+        nearest = np.min(np.abs((shown - expected + columns / 2) % columns - columns / 2))
+        assert nearest <= 1 + columns * 1e-3 / interval_s, (number, expected, shown)
+    assert len(lines) == int(2002.0 / interval_s)
+
+
+def test_a_tenth_of_a_millisecond_is_a_column_in_ten_lines():
+    lines = level_lines(levels_with_marks(1.0 + 2.0 * np.arange(500), 1001.0), ChartSettings(2.0001, 2000))
+    column = np.argmax(lines, axis=1)
+    assert column[0] - column[499] == pytest.approx(0.0001 * 499 / 2.0001 * 2000, abs=1)
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 0.3, -1.7, 5.5])
+def test_levels_fed_in_blocks_give_the_same_lines(offset_s):
+    rng = np.random.default_rng(3)
+    levels = rng.integers(0, 256, 30_000, dtype=np.uint8)
+    settings = ChartSettings(interval_s=1.3337, columns=400, offset_s=offset_s)
+    whole = level_lines(levels, settings)
+    paper = LevelPaper(settings)
+    cuts = np.sort(rng.integers(0, 30_000, 60))
+    assert np.array_equal(whole, np.concatenate([paper.feed(block) for block in np.split(levels, cuts)]))
+    assert paper.lines == len(whole)
+
+
+def test_the_offset_falls_on_the_left_edge_and_paper_before_the_first_sample_is_bare():
+    lines = level_lines(levels_with_marks([0.3, 2.3, 4.3], 7.0), ChartSettings(2.0, 1000, offset_s=0.3))
+    assert np.argmax(lines, axis=1).tolist() == [0, 0, 0, 0]
+    assert lines[:, 0].tolist() == [0, 200, 200, 200]
+
+
+def test_a_column_shows_the_darkest_of_its_samples():
+    line = level_lines(np.arange(100, dtype=np.uint8), ChartSettings(0.1, 50))[0]
+    assert line.tolist() == list(range(1, 100, 2))

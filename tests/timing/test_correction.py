@@ -225,3 +225,73 @@ def test_the_elevation_differs_between_target_and_array_in_real_water():
     offset = ALONG - LEFT
     straight = np.arctan2(offset[:, 2], np.hypot(offset[:, 0], offset[:, 1]))
     assert np.abs(found.elevation - straight).max() > 1e-3
+
+
+def simulated(seed: int, track=ALONG, offset_s: float = 3e-3, noise_ft: float = 1.0) -> CrossoverSet:
+    return simulate_crossover(
+        track, COUNTS, (LEFT, RIGHT), PROFILE, ClockTruth(offset_s), np.random.default_rng(seed), noise_ft
+    )
+
+
+def fitted(crossover, **options):
+    return estimate_timing(
+        crossover, stretch(crossover.x, LEFT, PROFILE), stretch(crossover.y, RIGHT, PROFILE), **options
+    )
+
+
+def test_q_is_the_mean_squared_gap():
+    crossover = simulated(1)
+    found = fitted(crossover, outliers="in")
+    c = stretch(crossover.x, LEFT, PROFILE).velocity - stretch(crossover.y, RIGHT, PROFILE).velocity
+    for offset, drift in ((0.0, 0.0), (4e-3, 1e-5)):
+        g = offset + drift * (COUNTS - found.t0)
+        direct = np.mean(np.sum((crossover.gap + g[:, None] * c) ** 2, axis=1))
+        assert found.q_surface(np.array([offset]), np.array([drift]))[0, 0] == pytest.approx(direct)
+
+
+def test_a_joint_fit_is_surer_where_noise_has_a_direction_and_as_true():
+    errors, sigmas = [], []
+    for seed in range(60):
+        one = simulated(seed)
+        noise = np.random.default_rng(1000 + seed).normal(0, 6, (60, 1)) * [1.0, 1.0, 0.0]
+        noisy = replace(one, x=one.x + noise)
+        both = [fitted(noisy, method=method) for method in ("report", "joint")]
+        errors.append([fit.offset_s - 3e-3 for fit in both])
+        sigmas.append([fit.sigma_offset_s for fit in both])
+        assert both[1].settled
+    spread, stated = np.std(errors, axis=0), np.mean(sigmas, axis=0)
+    assert spread[1] < 0.8 * spread[0]
+    assert stated == pytest.approx(spread, rel=0.25)
+    assert np.mean(np.abs(np.array(errors) / sigmas) < 1.96) > 0.88
+
+
+def test_outliers_may_count_for_the_offset_alone_as_the_report_let_them():
+    crossover = simulated(2)
+    wild = crossover.x.copy()
+    wild[20] += [80.0, -60.0, 40.0]
+    crossover = replace(crossover, x=wild)
+    out, noise, inside = (fitted(crossover, outliers=way) for way in ("out", "noise", "in"))
+    assert (out.points, out.noise_points) == (59, 59)
+    assert (noise.points, noise.noise_points) == (60, 59)
+    assert (inside.points, inside.noise_points) == (60, 60)
+    assert abs(out.offset_s - 3e-3) < abs(noise.offset_s - 3e-3)
+    assert np.trace(inside.noise) > 3 * np.trace(out.noise)
+    with pytest.raises(ValueError, match="wanted one of"):
+        fitted(crossover, outliers="some")
+
+
+def test_a_few_points_have_a_sigma_of_equal_noise_only():
+    errors = []
+    for seed in range(300):
+        few = simulated(seed).only(np.array([5, 20, 40, 55]))
+        found = fitted(few)
+        assert found.sigma_offset_s is None
+        assert found.noise is None
+        errors.append((found.offset_s - 3e-3) / found.isotropic_sigma_offset_s)
+    assert np.mean(np.abs(errors) < 1.96) == pytest.approx(0.95, abs=0.03)
+
+
+def test_a_separation_that_timing_cannot_close_is_flagged():
+    crossover = simulated(3)
+    assert fitted(crossover).separated == ()
+    assert fitted(replace(crossover, x=crossover.x + np.array([0.0, 0.0, 4.0]))).separated == ("vertical",)

@@ -16,7 +16,7 @@ import numpy as np
 
 from trackerlib.textfiles import InputError
 
-COMMANDS = ("gate", "timing", "fix", "plan", "montecarlo", "study")
+COMMANDS = ("gate", "timing", "constancy", "fix", "plan", "montecarlo", "study", "listen")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

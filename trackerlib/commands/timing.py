@@ -14,9 +14,11 @@ from trackerlib.rangefiles.crossover_file import read_crossover
 from trackerlib.rangefiles.m_matrix_file import read_m_matrix
 from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.textfiles import InputError, write_text
+from trackerlib.timing.causes import CauseFit, Ranking, compare_causes
 from trackerlib.timing.correction import TimingCorrection, fit_timing
 
 SUMMARY = "estimate timing offset and drift from crossover sets"
+MOST_CAUSES = 12  # that an answer lists
 COLUMNS = (
     "day", "run", "pair", "offset_ms", "sigma_offset_ms", "drift_ms_per_count", "sigma_drift_ms_per_count",
     "correlation", "t0", "points", "file",
@@ -39,6 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--profile", type=Path, required=True, metavar="VELOCITY.DAT", help="sound-speed table, ft and ft/s")
     add("--profile-speeds", choices=("middle", "boundary"), default="middle", help="where its speeds belong")
     add("--covariance", type=Path, metavar="FILE", help="M in three rows (default: from straight lines)")
+    add(
+        "--causes",
+        action="store_true",
+        help="also compare what else could part the tracks, on all sets together",
+    )
     add("--day", metavar="D", help="day of these sets, for --out")
     add("--run", metavar="R", help="run of these sets, for --out")
     add("--out", type=Path, metavar="OFFSETS.csv", help="table of the offsets, which `constancy` reads")
@@ -53,17 +60,49 @@ def run(args: argparse.Namespace) -> dict:
     survey = read_arrays(args.arrays).survey
     profile = read_velocity(args.profile, args.profile_speeds).profile
     noise = None if args.covariance is None else read_m_matrix(args.covariance)
-    answers = []
+    answers, sets = [], []
     for path, pair in [(path, None) for path in args.crossover] + [_told(*one) for one in args.set]:
         reading = read_crossover(path, survey, pair)
         for record in reading.bad_records:
             print(f"{path.name}, line {record.line}: {record.why}", file=sys.stderr)
         for note in reading.notes:
             print(f"{path.name}: {note}", file=sys.stderr)
-        answers.append(document(path, reading.set, fit_timing(reading.set, survey, profile, noise)))
+        fit = fit_timing(reading.set, survey, profile, noise, method=args.method, outliers=args.outliers)
+        answers.append(document(path, reading.set, fit))
+        sets.append(reading.set)
     if args.out:
         write_text(args.out, offsets_csv(answers, args.day, args.run))
-    return {"sets": answers, "simulated": _is_simulated(args)}
+    answer = {"sets": answers, "simulated": _is_simulated(args)}
+    if args.causes:
+        try:
+            answer |= causes_document(compare_causes(sets, survey, profile))
+        except ValueError as error:
+            print(f"timing: {error}", file=sys.stderr)
+    return answer
+
+
+def causes_document(ranking: Ranking) -> dict:
+    """The comparison of causes as keys of a document."""
+
+    def one(fit: CauseFit) -> dict:
+        return {
+            "cause": fit.name,
+            "aicc_above_best": fit.aicc,
+            "chi_square_per_number": fit.chi_square / fit.count,
+            "held_out_per_number": fit.held_out,
+            "parameters": {
+                name: {"estimate": float(value), "sigma": float(sigma)}
+                for name, value, sigma in zip(fit.parameters, fit.estimate, fit.sigma, strict=True)
+            },
+            "hardly_separated": [list(pair) for pair in fit.hardly_separated],
+            "alike": list(fit.alike),
+        }
+
+    return {
+        "best_cause": ranking.best.name,
+        "causes": [one(fit) for fit in ranking.fits[:MOST_CAUSES]],
+        "causes_skipped_sets": list(ranking.skipped),
+    }
 
 
 def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -> dict:
@@ -84,7 +123,14 @@ def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -
         "points": fit.points,
         "excluded_counts": crossover.point_count[fit.excluded].tolist(),
         "M_ft2": None if fit.noise is None else fit.noise.tolist(),
+        "noise_points": fit.noise_points,
+        "method": fit.method,
+        "settled": fit.settled,
+        "isotropic_sigma_offset_ms": milli(fit.isotropic_sigma_offset_s),
+        "correlation_length": fit.correlation_length,
         "curved": fit.curved,
+        "degree": fit.degree,
+        "separated": list(fit.separated),
         "rms_before_ft": fit.rms_before,
         "rms_after_ft": fit.rms_after,
         "mean_before_ft": fit.mean_before.tolist(),
@@ -112,14 +158,30 @@ def report(answer: dict) -> str:
     for one in answer["sets"]:
         pair = "{}-{}".format(*one["pair"])
         if one["sigma_offset_ms"] is None:
-            lines.append(f"{pair:8} {one['points']:3d}   {one['offset_ms']:.3f}, no sigma: {one['reason']}")
+            even = one["isotropic_sigma_offset_ms"]
+            also = "" if even is None else f"; with equal noise on every axis ± {even:.2g}"
+            lines.append(
+                f"{pair:8} {one['points']:3d}   {one['offset_ms']:7.3f}, no sigma: {one['reason']}{also}"
+            )
             continue
+        apart = f"   still apart: {', '.join(one['separated'])}" if one["separated"] else ""
         left_out = f"   {len(one['excluded_counts'])} outliers left out" if one["excluded_counts"] else ""
         lines.append(
             f"{pair:8} {one['points']:3d}   {one['offset_ms']:7.3f} ± {one['sigma_offset_ms']:.3f}   "
             f"{one['drift_ms_per_count']:9.4f} ± {one['sigma_drift_ms_per_count']:.4f}   "
-            f"{one['rms_before_ft']:.1f} -> {one['rms_after_ft']:.1f}{left_out}"
+            f"{one['rms_before_ft']:.1f} -> {one['rms_after_ft']:.1f}{left_out}{apart}"
         )
+    if "causes" in answer:
+        lines += ["", f"what fits all sets together: {answer['best_cause']}"]
+        lines += [
+            "cause                                                         AICc above best   chi-square   held out"
+        ]
+        for one in answer["causes"]:
+            held_out = one["held_out_per_number"]
+            lines.append(
+                f"{one['cause']:60}  {one['aicc_above_best']:15.1f}   {one['chi_square_per_number']:10.3f}   "
+                f"{'' if held_out is None else format(held_out, '8.3f')}"
+            )
     if answer["simulated"]:
         lines.append("SIMULATED data")
     return "\n".join(lines)

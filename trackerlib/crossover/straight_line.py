@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 MIN_POINTS = 5
 
@@ -47,22 +46,3 @@ def fit_straight_line(
     component = deviations @ direction
     speed = float(elapsed @ component / (elapsed @ elapsed))
     return StraightLine(centre, direction, float(component.mean()), speed, float(counts.mean()))
-
-
-def is_curved(track: np.ndarray, point_count: np.ndarray, significance: float = 1e-3) -> bool:
-    """Whether a track (T, 3) bends: a parabola fits it better than a line, at this significance.
-
-    An F test on the sum over the three axes; fewer than MIN_POINTS points never count as curved.
-    """
-    points = len(track)
-    if points < MIN_POINTS:
-        return False
-    elapsed = np.asarray(point_count, float) - np.mean(point_count)
-    elapsed = elapsed / max(np.abs(elapsed).max(), 1e-9)
-    left = [
-        float(np.sum((track - basis @ np.linalg.lstsq(basis, track, rcond=None)[0]) ** 2))
-        for basis in (np.vander(elapsed, 2), np.vander(elapsed, 3))
-    ]
-    freedom = 3 * (points - 3)
-    ratio = (left[0] - left[1]) / 3 / max(left[1] / freedom, 1e-12)
-    return bool(stats.f.sf(ratio, 3, freedom) < significance)

@@ -1,4 +1,4 @@
-"""The wet-paper chart: arrivals folded at an interval, one line of paper a period, newest last.
+"""The wet-paper chart: sound or arrivals folded at an interval, one line of paper a period, newest last.
 
 A recorder's stylus starts at the left once every interval and marks the paper while sound comes
 in. A beacon that repeats exactly at that interval draws a straight line down the paper; another
@@ -55,6 +55,67 @@ def chart_lines(
     for k in np.flatnonzero(np.isfinite(arrival)):
         _ink(paper[k], column[k], width, first_line + int(k))
     return paper
+
+
+def level_lines(
+    levels: np.ndarray,
+    settings: ChartSettings,
+    sample_interval_s: float = 1e-3,
+    first: int = 0,
+    start: int = 0,
+) -> np.ndarray:
+    """Lines of paper (N, columns) uint8 from a recorder's levels: those from number `first` on that are whole.
+
+    levels : (M,) uint8, one a sample interval, of samples from number `start` of the stream on
+    Line 0 holds the stream's first sample; paper before it is bare. Edges are placed from the line's number, not from
+    the line before, so that an interval of any fraction of a sample slants a trace evenly, without drift. A column
+    shows the darkest of its samples, or where there are more columns than samples, the sample it falls in.
+    """
+    per_line = settings.interval_s / sample_interval_s
+    across = np.arange(settings.columns + 1) / settings.columns
+    lines, line = [], first
+    while True:
+        edges = np.floor(_left_edge(settings, line) / sample_interval_s + across * per_line + 1e-6).astype(
+            int
+        )
+        edges -= start
+        if edges[-1] > len(levels):
+            break
+        bare = max(-edges[0], 0)
+        piece = levels[max(edges[0], 0) : max(edges[-1], 0)]
+        if bare:
+            piece = np.concatenate([np.zeros(bare, np.uint8), piece])
+        lines.append(np.maximum.reduceat(piece, np.minimum(edges[:-1] - edges[0], len(piece) - 1)))
+        line += 1
+    return np.stack(lines) if lines else np.zeros((0, settings.columns), np.uint8)
+
+
+class LevelPaper:
+    """Lines of paper from a recorder's levels as they come, the same whatever the blocks."""
+
+    def __init__(self, settings: ChartSettings, sample_interval_s: float = 1e-3):
+        self.settings, self.sample_interval_s = settings, sample_interval_s
+        self.lines = 0  # given so far
+        self._levels, self._start = np.empty(0, np.uint8), 0
+
+    def feed(self, levels: np.ndarray) -> np.ndarray:
+        """The lines (N, columns) that these levels (M,) complete."""
+        self._levels = np.concatenate([self._levels, levels])
+        line_end_s = _left_edge(self.settings, self.lines + 1)
+        if (self._start + len(self._levels)) * self.sample_interval_s < line_end_s:
+            return np.zeros((0, self.settings.columns), np.uint8)
+        lines = level_lines(self._levels, self.settings, self.sample_interval_s, self.lines, self._start)
+        self.lines += len(lines)
+        left = int(_left_edge(self.settings, self.lines) / self.sample_interval_s) - 1
+        gone = min(max(left - self._start, 0), len(self._levels))
+        self._levels, self._start = self._levels[gone:], self._start + gone
+        return lines
+
+
+def _left_edge(settings: ChartSettings, line: int) -> float:
+    """Time of a line's left edge since the stream's first sample [s]; line 0 holds that sample."""
+    early = -np.mod(-settings.offset_s, settings.interval_s)  # the last offset at or before the first sample
+    return early + line * settings.interval_s
 
 
 def _grain(line: int, columns: int) -> np.ndarray:

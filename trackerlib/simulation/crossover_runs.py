@@ -47,6 +47,14 @@ def simulate_crossover(
     """
     path = track + rng.normal(0, wobble_ft, track.shape)
     offset = truth.at(point_count)[:, None]
-    seen = [path - offset * stretch(path, position, profile).velocity for position in arrays]
+    seen = [_reported(path, offset, position, profile) for position in arrays]
     x, y = (version + rng.normal(0, noise_ft, track.shape) for version in seen)
     return CrossoverSet((1, 2), np.asarray(point_count), x, y, source="simulated")
+
+
+def _reported(path, offset, array_position, profile) -> np.ndarray:
+    """Where an array reports a path (T, 3): the place that the correction (3) by the true offset brings back to it."""
+    place = path
+    for _ in range(3):  # the direction is that at the reported place; contracts by offset x speed / range
+        place = path - offset * stretch(place, array_position, profile).velocity
+    return place

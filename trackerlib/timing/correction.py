@@ -16,13 +16,20 @@ from scipy import stats
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.noise import residual_noise
 from trackerlib.crossover.pairs import CrossoverSet
-from trackerlib.crossover.straight_line import MIN_POINTS, is_curved
+from trackerlib.crossover.smooth_track import choose_degree
+from trackerlib.crossover.straight_line import MIN_POINTS
 from trackerlib.crossover.survey import ArraySurvey
-from trackerlib.residuals import residual_correlation
+from trackerlib.timing.correlated_noise import spread_of
 from trackerlib.timing.stretch import Stretch, stretch
 
 CUT = 5.0  # robust standard deviations beyond which a gap is an outlier
 ROUNDS = 12
+METHODS = ("report", "joint")  # every direction alike, or by what M says of each
+OUTLIERS = ("out", "noise", "in")  # left out of offset and M, of M alone, of nothing
+JOINT_ROUNDS = 20
+APART = 3.0  # sigmas of a mean gap after correction beyond which the two versions are apart
+DIRECTIONS = ("downrange", "crossrange", "vertical")
+LEAST_VARIANCE = 1e-6  # of the gap along any direction, squared lengths; positions are printed to 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +46,39 @@ class TimingCorrection:
     mean_after: np.ndarray  # (3,)
     rms_before: float  # root mean square length of the gap
     rms_after: float
-    curved: bool
+    mean_square: float  # Ave ||c||^2 [(length/s)^2]
+    mean_square_in_time: float  # Ave (t - t0)^2 ||c||^2
+    degree: int  # of the smooth course that the test asks for; 1 is a straight line at constant speed
+    noise_points: int = 0  # that M rests on; the same as `points` unless outliers count for the offset
+    separation: np.ndarray | None = None  # (3,) mean gap after correction over its sigma, assumption (14)
+    method: str = "report"  # one of METHODS
+    settled: bool = True  # whether a joint fit came to rest
+    isotropic_sigma_offset_s: float | None = None  # with equal noise on every axis, where there is no M
+    isotropic_sigma_drift_s_per_count: float | None = None
     sigma_offset_s: float | None = None  # None with too few points; `reason` says so
     sigma_drift_s_per_count: float | None = None
     correlation: float | None = None
     noise: np.ndarray | None = None  # M (3, 3)
-    correlation_length: float = 1.0  # point counts per independent one
+    correlation_length: float = 1.0  # point counts as good as one independent one
     reason: str | None = None
+
+    @property
+    def curved(self) -> bool:
+        """Whether the track bends."""
+        return self.degree > 1
+
+    @property
+    def separated(self) -> tuple[str, ...]:
+        """Directions in which the two versions stay apart after correction, against assumption (14)."""
+        if self.separation is None:
+            return ()
+        return tuple(name for name, z in zip(DIRECTIONS, self.separation, strict=True) if abs(z) > APART)
+
+    def q_surface(self, offset_s: np.ndarray, drift_s_per_count: np.ndarray) -> np.ndarray:
+        """Q (8), (11): mean squared gap (N, M) left by offsets (N,) and drifts (M,) at this t0."""
+        d = (np.asarray(offset_s)[:, None] - self.offset_s) ** 2 * self.mean_square
+        m = (np.asarray(drift_s_per_count)[None] - self.drift_s_per_count) ** 2 * self.mean_square_in_time
+        return self.rms_after**2 + d + m
 
     def offset_at(self, point_count) -> np.ndarray:
         """g(t) [s], eq. (4)."""
@@ -61,14 +94,18 @@ class TimingCorrection:
 
 
 def fit_timing(
-    crossover: CrossoverSet, survey: ArraySurvey, profile: SoundSpeedProfile, noise: np.ndarray | None = None
+    crossover: CrossoverSet,
+    survey: ArraySurvey,
+    profile: SoundSpeedProfile,
+    noise: np.ndarray | None = None,
+    **options,
 ) -> TimingCorrection:
     """Offset and drift of a crossover set, its arrays looked up in the survey.
 
-    noise : M (3, 3), where it is told and not to be estimated
+    noise, options : as for `estimate_timing`
     Raises InputError for an array that the survey lacks.
     """
-    return estimate_timing(crossover, *stretches(crossover, survey, profile), noise)
+    return estimate_timing(crossover, *stretches(crossover, survey, profile), noise, **options)
 
 
 def stretches(
@@ -80,37 +117,75 @@ def stretches(
 
 
 def estimate_timing(
-    crossover: CrossoverSet, first: Stretch, second: Stretch, noise: np.ndarray | None = None
+    crossover: CrossoverSet,
+    first: Stretch,
+    second: Stretch,
+    noise: np.ndarray | None = None,
+    *,
+    method: str = "report",
+    outliers: str = "out",
 ) -> TimingCorrection:
     """Offset and drift that bring two versions of a track together, eqs. (9)-(19).
 
-    Gaps farther than CUT robust standard deviations from the corrected ones are outliers: one list for
-    the offset and for M. M is taken about straight lines after the correction, so that a gap which
-    changes along the track because of the offset itself does not count as noise.
+    noise : M (3, 3), where it is told and not to be estimated
+    method : "report" weighs every direction alike, (10); "joint" weighs them by M, renewed until it settles
+    outliers : "out" leaves them out of the offset and of M; "noise" of M alone, as the report did in 17 sets;
+        "in" of nothing
+    Gaps farther than CUT robust standard deviations from the corrected ones are outliers: one list for both. M is
+    taken about smooth courses after the correction, so that a gap which changes along the track because of the
+    offset itself does not count as noise.
+    Raises ValueError for another method or way with outliers.
     """
+    if method not in METHODS or outliers not in OUTLIERS:
+        raise ValueError(f"found {method!r}, {outliers!r}; wanted one of {METHODS} and one of {OUTLIERS}")
     c = first.velocity - second.velocity
     usable = first.reached & second.reached
     c = np.where(usable[:, None], c, 0.0)
     count = crossover.point_count.astype(float)
-    keep = usable & _without_outliers(crossover.gap, c, count, usable)
-    offset, drift, t0 = _solve(c[keep], crossover.gap[keep], count[keep])
-    g = offset + drift * (count - t0)
-    residual = crossover.gap + g[:, None] * c
+    quiet = usable if outliers == "in" else usable & _without_outliers(crossover.gap, c, count, usable)
+    keep = quiet if outliers == "out" else usable
+    bare = _corrected(crossover, c, count, keep, quiet, np.eye(3))
+    if method == "report":
+        return _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, np.eye(3))
+    weight = np.eye(3)
+    for _ in range(JOINT_ROUNDS):
+        before = bare.offset_s
+        found = _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, weight)
+        if found.noise is None:
+            return replace(found, method=method)
+        weight = np.linalg.inv(found.noise)
+        weight = weight / np.trace(weight)
+        bare = _corrected(crossover, c, count, keep, quiet, weight)
+        if abs(bare.offset_s - before) < 1e-3 * found.sigma_offset_s:
+            break
+    settled = abs(bare.offset_s - before) < 1e-2 * found.sigma_offset_s
+    found = _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, weight)
+    return replace(found, method=method, settled=bool(settled))
+
+
+def _corrected(crossover, c, count, keep, quiet, weight) -> TimingCorrection:
+    """Offset and drift by directions weighted with `weight` (3, 3), and what they leave of the gap."""
+    offset, drift, t0 = _solve(c[keep], crossover.gap[keep], count[keep], weight)
+    residual = crossover.gap + (offset + drift * (count - t0))[:, None] * c
     before, after = crossover.gap[keep], residual[keep]
-    bare = TimingCorrection(
+    square = np.sum(c[keep] ** 2, axis=1)
+    some = len(before) > 0
+    return TimingCorrection(
         offset_s=offset,
         drift_s_per_count=drift,
         t0=t0,
         points=int(keep.sum()),
         excluded=~keep,
         residual=residual,
-        mean_before=before.mean(axis=0) if len(before) else np.zeros(3),
-        mean_after=after.mean(axis=0) if len(after) else np.zeros(3),
+        mean_before=before.mean(axis=0) if some else np.zeros(3),
+        mean_after=after.mean(axis=0) if some else np.zeros(3),
         rms_before=_rms(before),
         rms_after=_rms(after),
-        curved=is_curved((crossover.x[keep] + crossover.y[keep]) / 2, crossover.point_count[keep]),
+        mean_square=float(square.mean()) if some else 0.0,
+        mean_square_in_time=float(np.mean((count[keep] - t0) ** 2 * square)) if some else 0.0,
+        degree=choose_degree((crossover.x[keep] + crossover.y[keep]) / 2, count[keep]),
+        noise_points=int(quiet.sum()),
     )
-    return _with_sigma(bare, crossover, first, second, c, keep, noise)
 
 
 def corrected_tracks(
@@ -126,9 +201,13 @@ def corrected_tracks(
     return crossover.x + g * first.velocity, crossover.y + g * second.velocity
 
 
-def _solve(c: np.ndarray, gap: np.ndarray, count: np.ndarray) -> tuple[float, float, float]:
-    """Offset, drift and t0, eqs. (9) and (10); zero drift where all point counts are one."""
-    weight, closing = np.sum(c * c, axis=1), np.sum(c * gap, axis=1)
+def _solve(c: np.ndarray, gap: np.ndarray, count: np.ndarray, weighing=None) -> tuple[float, float, float]:
+    """Offset, drift and t0, eqs. (9) and (10); zero drift where all point counts are one.
+
+    weighing : (3, 3) of the directions; None weighs them alike
+    """
+    pull = c if weighing is None else c @ weighing
+    weight, closing = np.sum(pull * c, axis=1), np.sum(pull * gap, axis=1)
     total = weight.sum()
     if total == 0:
         return 0.0, 0.0, float(count.mean()) if len(count) else 0.0
@@ -169,34 +248,66 @@ def _rms(gap: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum(gap**2, axis=1)))) if len(gap) else 0.0
 
 
-def _with_sigma(bare, crossover, first, second, c, keep, noise) -> TimingCorrection:
+def _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, weighing) -> TimingCorrection:
     """The correction with its variances (15)-(19), or with the reason why there are none."""
-    if bare.points < MIN_POINTS:
-        return replace(
-            bare, reason=f"{bare.points} points are too few for a sigma; at least {MIN_POINTS} are needed"
-        )
     count = crossover.point_count[keep].astype(float)
+    residual = bare.residual[keep]
+    t = count - bare.t0
+    pull = c[keep] @ weighing
+    weight = np.sum(pull * c[keep], axis=1)
+    if not weight.sum() > 0:
+        return replace(bare, reason="both arrays see the track from one place; no offset moves the gap")
+    # Eqs. (15)-(19): gain' gain, were the noise of neighbouring counts independent.
+    gain = np.column_stack([np.ones(len(t)) / weight.sum(), t / max(t**2 @ weight, 1e-300)])
+    if quiet.sum() < MIN_POINTS:
+        few = f"{bare.points} points are too few for a sigma; at least {MIN_POINTS} are needed"
+        return replace(bare, reason=few, **_isotropic(residual, gain, np.linalg.norm(pull, axis=1)))
+    told = noise is not None
     if noise is None:
         x, y = corrected_tracks(crossover, first, second, bare.offset_s, bare.drift_s_per_count, bare.t0)
-        noise = residual_noise(x[keep], y[keep], count).gap
-    c, t = c[keep], count - bare.t0
-    quadratic = np.einsum("ti,ij,tj->t", c, noise, c)
-    weight = np.sum(c * c, axis=1)
-    offset_gain, drift_gain = 1 / weight.sum(), 1 / (t**2 @ weight)  # eq. (15)
-    series = np.sum(c * bare.residual[keep], axis=1)
-    correlation = residual_correlation(series - series.mean())
-    student = stats.t.ppf(0.975, max(bare.points - 2, 1)) / stats.norm.ppf(0.975)
-    widen = correlation.length * student**2
-    var_offset = offset_gain**2 * quadratic.sum() * widen  # eq. (17)
-    var_drift = drift_gain**2 * (t**2 @ quadratic) * widen  # eq. (18)
-    covariance = offset_gain * drift_gain * (t @ quadratic) * widen  # eq. (19)
+        noise = residual_noise(x, y, crossover.point_count, quiet, degree=bare.degree).gap
+    values, vectors = np.linalg.eigh(noise)  # below zero by rounding where a made-up set has no noise
+    noise = (vectors * np.maximum(values, LEAST_VARIANCE)) @ vectors.T
+    size = np.sqrt(np.einsum("ti,ij,tj->t", pull, noise, pull))  # of the noise along the pull
+    if not size.min() > 0:
+        return replace(
+            bare, noise=noise, reason="both arrays see the track from one place; no offset moves the gap"
+        )
+    spread = spread_of(
+        gain=gain * size[:, None],
+        residual=np.sum(pull * residual, axis=1) / size,
+        design=np.column_stack([np.ones(len(t)), t]) * (weight / size)[:, None],
+        others=_beside(residual, pull, noise),
+        point_count=count,
+        scale_known=told,
+    )
+    mean_sigma = np.sqrt(np.diag(noise) * spread.length / bare.points)
     return replace(
         bare,
-        sigma_offset_s=float(np.sqrt(var_offset)),
-        sigma_drift_s_per_count=float(np.sqrt(var_drift)),
-        correlation=float(covariance / np.sqrt(var_offset * var_drift))
-        if var_offset * var_drift > 0
-        else 0.0,
+        sigma_offset_s=float(spread.sigma[0]),
+        sigma_drift_s_per_count=float(spread.sigma[1]),
+        correlation=float(spread.correlation[0, 1]),
         noise=noise,
-        correlation_length=correlation.length,
+        correlation_length=spread.length,
+        separation=bare.mean_after / mean_sigma,
     )
+
+
+def _isotropic(residual: np.ndarray, gain: np.ndarray, size: np.ndarray) -> dict:
+    """Sigmas with noise that is the same on every axis, from the 3 T - 2 numbers that two estimates leave."""
+    freedom = 3 * len(residual) - 2
+    if len(residual) < 2:
+        return {}
+    variance = float(np.sum(residual**2)) / freedom
+    widened = stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975)
+    offset, drift = widened * np.sqrt(variance * np.sum((gain * size[:, None]) ** 2, axis=0))
+    return {"isotropic_sigma_offset_s": float(offset), "isotropic_sigma_drift_s_per_count": float(drift)}
+
+
+def _beside(residual: np.ndarray, c: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """What remains of the gap (T, 2) at right angles to c, by the noise, in whitened units."""
+    whiten = np.linalg.inv(np.linalg.cholesky(noise))
+    along = whiten @ np.median(c, axis=0)
+    along = along / max(np.linalg.norm(along), 1e-300)
+    basis = np.linalg.svd(np.eye(3) - np.outer(along, along))[0][:, :2]
+    return residual @ whiten.T @ basis

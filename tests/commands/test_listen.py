@@ -1,0 +1,110 @@
+"""`listen`: recordings to arrivals, and calls that are no use."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import soundfile
+from sounds import DENSITY_V, pulses_at
+
+from trackerlib.commands import main
+from trackerlib.receiver.report_receiver import FULL_SCALE_V
+from trackerlib.simulation.sound import SimulatedSound, write_sound
+
+TRUE_S = 0.3137 + 2.00004 * np.arange(10)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Twenty seconds of a simulated beacon, loud enough that the attenuator has to act."""
+    path = tmp_path / "beacon.flac"
+    write_sound(path, SimulatedSound(pulses_at(TRUE_S, 75), DENSITY_V, 48_000, FULL_SCALE_V, 1), 20.0)
+    return path
+
+
+@pytest.fixture
+def call(tmp_path, capsys):
+    """Runs listen; returns exit code, rows of the CSV (None if there is none), standard output and error."""
+
+    def run(path, *more, carrier=10_000):
+        out = tmp_path / "arrivals.csv"
+        argv = [
+            "listen",
+            path,
+            "--carrier-hz",
+            carrier,
+            "--pulse-ms",
+            10,
+            "--interval-s",
+            2,
+            "--out",
+            out,
+            *more,
+        ]
+        code = main([str(word) for word in argv])
+        rows = None
+        if out.exists():
+            text = [line for line in out.read_text().splitlines() if not line.startswith("#")]
+            rows = list(csv.DictReader(text))
+        return code, rows, *capsys.readouterr()
+
+    return run
+
+
+def test_arrivals_are_those_that_were_sent(call, recording):
+    code, rows, out, _ = call(recording, "--maxima", 1, "--json")
+    answer = json.loads(out)
+    assert code == 0
+    assert [int(row["period"]) for row in rows] == list(range(10))
+    assert [float(row["arrival_s"]) for row in rows] == pytest.approx(TRUE_S, abs=1.5e-4)
+    assert [float(row["fold_s"]) for row in rows] == pytest.approx(TRUE_S % 2, abs=1.5e-4)
+    # The gain was set before the first period, which would be saturated otherwise.
+    assert float(rows[0]["attenuation_db"]) > 0
+    assert float(rows[0]["level"]) < 232
+    assert answer["simulated"]
+    assert (answer["arrivals"], answer["periods"], answer["periods_heard"]) == (10, 10, 10)
+
+
+def test_gain_set_by_hand_stays(call, recording):
+    _, rows, _, _ = call(recording, "--gain", 12)
+    assert {row["attenuation_db"] for row in rows} == {"12"}
+    assert {int(row["rank"]) for row in rows} == {1, 2}
+
+
+def test_what_is_odd_is_said_and_heard_all_the_same(call, tmp_path):
+    path = tmp_path / "stereo.wav"
+    sound = SimulatedSound(pulses_at(TRUE_S, 30), DENSITY_V, 48_000, FULL_SCALE_V, 1).read(48_000 * 8)
+    soundfile.write(path, np.stack([300 * sound, 0 * sound], axis=1), 48_000, subtype="PCM_24")
+    path.write_bytes(path.read_bytes()[:-600_000])
+    code, rows, _, err = call(path, "--maxima", 1)
+    assert code == 0
+    assert "2 channels; heard channel 1" in err
+    assert "truncated: its head tells of 8.000 s" in err
+    assert float(rows[0]["arrival_s"]) == pytest.approx(TRUE_S[0], abs=3e-4)
+
+
+@pytest.mark.parametrize(
+    ("more", "carrier", "wanted"),
+    [
+        ((), 30_000, "48000 samples per second, which carry sounds below 24000 Hz"),
+        (("--maxima", 0), 10_000, "maxima is 0"),
+        (("--channel", 2), 10_000, "found 1 channels, wanted number 2"),
+        (("--sample-ms", 0), 10_000, "sample_interval_s is 0"),
+    ],
+)
+def test_a_call_that_is_no_use_says_why_and_writes_nothing(call, recording, more, carrier, wanted):
+    code, rows, out, err = call(recording, *more, carrier=carrier)
+    assert (code, rows, out) == (2, None, "")
+    assert wanted in err
+    assert "Traceback" not in err
+
+
+def test_silence_is_refused_and_an_older_file_is_kept(call, recording, tmp_path):
+    _, before, _, _ = call(recording)
+    silent = tmp_path / "silent.wav"
+    soundfile.write(silent, np.zeros(48_000), 48_000)
+    code, after, _, err = call(silent)
+    assert code == 2
+    assert "found silence" in err
+    assert after == before

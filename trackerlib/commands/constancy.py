@@ -1,0 +1,137 @@
+"""`constancy OFFSETS.csv`: variance components of timing offsets, and whether one offset is enough for a run."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from trackerlib.rangefiles.offsets_file import read_offsets
+from trackerlib.textfiles import InputError
+from trackerlib.timing.constancy import (
+    Constancy,
+    Variances,
+    component_intervals,
+    components_of,
+    pair_effects,
+    runs_constant,
+    variances_of,
+)
+
+SUMMARY = "test whether one timing offset is enough for a run, from a table of offsets"
+NAMES = ("day", "run", "residual")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `constancy`."""
+    add = parser.add_argument
+    add("offsets", type=Path, metavar="OFFSETS.csv", help="columns day, run, pair, offset_ms")
+    add(
+        "--variances",
+        type=_variances,
+        metavar="DAY,RUN,RESIDUAL",
+        help="the three components in ms^2, which are then not estimated",
+    )
+
+
+def run(args: argparse.Namespace) -> dict:
+    """The answer of `constancy` as a document for JSON."""
+    table, bad = read_offsets(args.offsets)
+    for record in bad:
+        print(f"{args.offsets.name}, line {record.line}: {record.why}", file=sys.stderr)
+    warnings, intervals, converged = [], None, True
+    if args.variances is None:
+        try:
+            components = components_of(table)
+        except ValueError as error:
+            raise InputError(f"{args.offsets.name}: {error}; tell them with --variances") from None
+        variances, converged = variances_of(components), components.converged
+        intervals = 1e6 * component_intervals(table, components)
+        warnings = [
+            f"the array pairs take up every {name}, so its variance cannot be told"
+            for name in components.not_estimable
+        ]
+    else:
+        variances = Variances(*(1e-6 * value for value in args.variances))
+    values = np.array([variances.day, variances.run, variances.residual])
+    pairs = pair_effects(table, variances)
+    return {
+        "variance_components": dict(zip(NAMES, 1e6 * values, strict=True)),
+        "gamma": dict(zip(NAMES[:2], values[:2] / values[2], strict=True)),
+        "estimated": args.variances is None,
+        "interval95_ms2": None if intervals is None else dict(zip(NAMES, intervals.tolist(), strict=True)),
+        "residual_degrees_of_freedom": variances.freedom,
+        "converged": converged,
+        "at_boundary": [name for name, value in zip(NAMES, values, strict=True) if value == 0],
+        "offsets": len(table),
+        "runs": [{"run": test.name, **_judged(test)} for test in runs_constant(table, variances)],
+        "pairs": [
+            {"pair": test.name, "offsets": int(count), **_judged(test)}
+            for test, count in zip(pairs.coherence, pairs.count, strict=True)
+        ],
+        "all_pairs": _judged(pairs.all_alike),
+        "warnings": warnings,
+        "simulated": table.simulated,
+    }
+
+
+def _judged(test: Constancy) -> dict:
+    return {
+        "mean_offset_ms": 1e3 * test.mean_s,
+        "sigma_mean_offset_ms": 1e3 * test.sigma_mean_s,
+        "pairs": test.effects,
+        "distance": test.distance,
+        "dof": test.dof,
+        "p_value": test.p_value,
+        "p_value_estimated_variance": test.p_value_estimated,
+        "distance_over_sd": test.distance_over_sd,
+    }
+
+
+def report(answer: dict) -> str:
+    """The answer of `constancy` for a person."""
+    lines = ["component   variance (ms^2)" + ("   95 % interval" if answer["estimated"] else "   as told")]
+    for name, value in answer["variance_components"].items():
+        between = ""
+        if answer["interval95_ms2"]:
+            between = "   {:.3g} to {:.3g}".format(*answer["interval95_ms2"][name])
+        lines.append(f"{name:10}  {value:8.4f}{between}")
+    lines += [f"warning: {one}" for one in answer["warnings"]]
+    lines.append("")
+    lines.append("run     mean offset (ms)   pairs   distance   dof   p, chi-square   p, variance estimated")
+    lines += [_line(one["run"], one) for one in answer["runs"]]
+    lines.append("")
+    lines.append("pair    mean offset (ms)   offsets   distance   dof   p: do its offsets hang together?")
+    lines += [_line(one["pair"], one) for one in answer["pairs"]]
+    alike = answer["all_pairs"]
+    lines.append("")
+    lines.append(f"all pairs share one offset: distance {alike['distance']:.2f}, {_p(alike['p_value'])}")
+    if answer["simulated"]:
+        lines.append("SIMULATED data")
+    return "\n".join(lines)
+
+
+def _line(name: str, one: dict) -> str:
+    estimated = one["p_value_estimated_variance"]
+    return (
+        f"{name:7} {one['mean_offset_ms']:7.2f} ± {one['sigma_mean_offset_ms']:.2f}     {one['pairs']:4d}   "
+        f"{one['distance']:9.2f}   {one['dof']:3d}   {one['p_value']:.2g}   "
+        f"{'-' if estimated is None else format(estimated, '.2g')}"
+    )
+
+
+def _p(value: float) -> str:
+    return f"p {value:.2g}"
+
+
+def _variances(text: str) -> tuple[float, float, float]:
+    try:
+        day, run_, residual = (float(part) for part in text.split(","))
+        Variances(day, run_, residual)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"found {text!r}; wanted DAY,RUN,RESIDUAL in ms^2, the last above zero"
+        ) from None
+    return day, run_, residual

@@ -1,0 +1,344 @@
+"""What could make two arrays disagree about one track, and which of it the run supports.
+
+    ranking = compare_causes(sets, survey, profile)
+    print(ranking.best.name)
+
+Read (1990) corrects timing alone and ends by asking for the rest: a displaced or turned array, a bias of its
+angles, a wrong speed of sound. To first order each cause moves the gap X - Y of every crossover set by a known
+pattern, so all of them stand in one system of normal equations, and any one or two of them are a small part of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.stats import chi2
+
+from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.acoustics.rays import fit_rays
+from trackerlib.crossover.noise import residual_noise
+from trackerlib.crossover.pairs import CrossoverSet
+from trackerlib.crossover.straight_line import MIN_POINTS
+from trackerlib.crossover.survey import ArraySurvey
+from trackerlib.timing.correction import corrected_tracks, estimate_timing, stretches
+
+STEP = 1.0  # length by which a place is moved to see how its ray changes
+SAME = 1e-6  # relative: chi-squares closer than this are one, and the geometry cannot tell the causes apart
+HELD_OUT = 15  # causes, best first, that are also tried on sets left out
+LUCK = 0.01  # chance that the best of all useless pairs looks better than a cause alone
+CORRELATED = 0.95  # two parameters with a correlation beyond this are hardly told apart
+LEAST_VARIANCE = 0.01  # ft^2 along any direction: positions are printed to 0.1 ft
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One thing that may be wrong, and the parameters it has."""
+
+    name: str
+    parameters: tuple[str, ...]  # with unit
+    array: int | None = None  # the array it belongs to; None: the vehicle's clock or the water
+
+
+@dataclass(frozen=True, eq=False)
+class CauseFit:
+    """How well one cause, or a pair of them, explains the gaps of all sets together."""
+
+    causes: tuple[Cause, ...]
+    parameters: tuple[str, ...]
+    estimate: np.ndarray  # (K,)
+    covariance: np.ndarray  # (K, K)
+    chi_square: float
+    count: float  # independent numbers that the gaps hold
+    aicc: float  # above that of the best
+    held_out: float | None  # chi-square per number of sets that the fit had not seen; None: not tried
+    alike: tuple[str, ...] = ()  # causes that explain these gaps exactly as well
+
+    @property
+    def name(self) -> str:
+        """The causes in words."""
+        return " and ".join(cause.name for cause in self.causes)
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard errors (K,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation (K, K) of the parameters: near 1 in size, the geometry cannot separate them."""
+        size = np.maximum(self.sigma, 1e-300)
+        return self.covariance / np.outer(size, size)
+
+    @property
+    def hardly_separated(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of parameters that the geometry hardly tells apart."""
+        near = np.abs(np.triu(self.correlation, 1)) > CORRELATED
+        return tuple((self.parameters[i], self.parameters[j]) for i, j in np.argwhere(near))
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Causes by how well they explain the gaps, the least AICc first."""
+
+    fits: tuple[CauseFit, ...]
+    sets: int
+    chi_square_before: float  # of the gaps as they are
+    skipped: tuple[str, ...]  # sets that could not take part, and why
+
+    @property
+    def best(self) -> CauseFit:
+        """The cause that the run supports: the least AICc, but one cause alone unless two are clearly better.
+
+        Of many useless pairs the best gains a good deal by luck, so a pair must beat the best single cause with a
+        chance of at most LUCK that any of those tried would have done so.
+        """
+        least = self.fits[0]
+        alone = next(fit for fit in self.fits if len(fit.causes) == 1)
+        more = len(least.parameters) - len(alone.parameters)
+        if more <= 0:
+            return least
+        gained = least.count * np.log(alone.chi_square / least.chi_square)
+        return least if len(self.fits) * chi2.sf(gained, more) < LUCK else alone
+
+
+COMMON = (
+    Cause("timing offset", ("offset (s)",)),
+    Cause("timing drift", ("drift (s/count)",)),
+    Cause("scale of sound speed", ("scale",)),
+    Cause("gradient of sound speed", ("gradient (1/s)",)),
+    Cause("sound speed changing in time", ("scale per count",)),
+    Cause("sound speed changing along the range", ("scale per length",)),
+)
+OF_ARRAYS = (
+    ("displacement", ("downrange", "crossrange", "up")),
+    ("rotation", ("about downrange (rad)", "about crossrange (rad)", "about vertical (rad)")),
+    ("elevation bias", ("elevation (rad)",)),
+    ("azimuth bias", ("azimuth (rad)",)),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Normal:
+    """Normal equations of one set, whitened: numbers of columns, matrix, right side, square, count."""
+
+    columns: np.ndarray
+    matrix: np.ndarray
+    right: np.ndarray
+    square: float
+    count: float
+
+
+def compare_causes(
+    sets: Sequence[CrossoverSet], survey: ArraySurvey, profile: SoundSpeedProfile, pairs: bool = True
+) -> Ranking:
+    """Every cause, and with `pairs` every two of them, on all sets of a run together.
+
+    The sets share one clock and one water; a cause of an array acts in each set that the array has part in.
+    AICc counts gaps by how many of them are independent. Sets of fewer than MIN_POINTS points, and sets that no
+    ray reaches, are skipped and named. Raises ValueError where no set is left.
+    """
+    usable, skipped = [], []
+    for one in sets:
+        fit = estimate_timing(one, *stretches(one, survey, profile))
+        keep = ~fit.excluded
+        if keep.sum() < MIN_POINTS or fit.sigma_offset_s is None:
+            skipped.append(f"arrays {one.pair[0]} and {one.pair[1]}, pass {one.pass_number}: {fit.reason}")
+            continue
+        usable.append((one.only(np.flatnonzero(keep)), fit))
+    if not usable:
+        raise ValueError("no crossover set has enough points to compare causes")
+    causes = [*COMMON] + [
+        Cause(f"{kind} of array {number}", parameters, number)
+        for number in sorted({number for one, _ in usable for number in one.pair})
+        for kind, parameters in OF_ARRAYS
+    ]
+    ends = np.cumsum([len(cause.parameters) for cause in causes])
+    columns = {
+        cause.name: np.arange(end - len(cause.parameters), end)
+        for cause, end in zip(causes, ends, strict=True)
+    }
+    counts = np.concatenate([one.point_count for one, _ in usable])
+    downrange = np.concatenate([one.x[:, 0] for one, _ in usable])
+    centre = (float(np.mean(counts)), float(np.mean(downrange)))
+    normals = [_normal(one, fit, survey, profile, columns, centre) for one, fit in usable]
+    total = _added(normals, int(ends[-1]))
+    candidates: list[tuple[Cause, ...]] = [(cause,) for cause in causes]
+    if pairs:
+        candidates += list(combinations(causes, 2))
+    return _ranked(candidates, columns, total, normals, tuple(skipped))
+
+
+def _ranked(candidates, columns, total: _Normal, normals, skipped) -> Ranking:
+    fits = []
+    for candidate in candidates:
+        chosen = np.concatenate([columns[cause.name] for cause in candidate])
+        estimate, inverse = _solved(total, chosen)
+        chi_square = float(total.square + total.right[chosen] @ estimate)
+        spread = max(chi_square / max(total.count - len(chosen), 1.0), 1.0)
+        many = len(chosen) + 1
+        aicc = total.count * np.log(chi_square / total.count) + 2 * many
+        aicc += 2 * many * (many + 1) / max(total.count - many - 1, 1e-9)
+        names = tuple(name for cause in candidate for name in cause.parameters)
+        fits.append(
+            CauseFit(candidate, names, estimate, spread * inverse, chi_square, total.count, float(aicc), None)
+        )
+    fits.sort(key=lambda fit: fit.aicc)
+    least = fits[0].aicc
+    out = []
+    for rank, fit in enumerate(fits):
+        held_out = None
+        if len(normals) > 2 and (rank < HELD_OUT or (len(fit.causes) == 1 and fit.causes[0].array is None)):
+            held_out = _held_out(
+                np.concatenate([columns[cause.name] for cause in fit.causes]), total, normals
+            )
+        alike = tuple(
+            other.name
+            for other in fits[max(rank - 8, 0) : rank + 9]
+            if other is not fit
+            and len(other.parameters) == len(fit.parameters)
+            and abs(other.chi_square - fit.chi_square) <= SAME * fit.chi_square
+        )
+        out.append(replace(fit, aicc=fit.aicc - least, held_out=held_out, alike=alike))
+    return Ranking(tuple(out), len(normals), total.square, skipped)
+
+
+def _solved(total: _Normal, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Estimate (K,) and inverse normal matrix (K, K) of the chosen columns; least change where they are not seen."""
+    matrix = total.matrix[np.ix_(chosen, chosen)]
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=1e-10, hermitian=True) / np.outer(
+        size, size
+    )
+    return -inverse @ total.right[chosen], inverse
+
+
+def _held_out(chosen: np.ndarray, total: _Normal, normals: Sequence[_Normal]) -> float:
+    """Chi-square per number of each set by the fit of all others."""
+    square = count = 0.0
+    for one in normals:
+        place = np.searchsorted(one.columns, chosen)
+        seen = (place < len(one.columns)) & (one.columns[np.minimum(place, len(one.columns) - 1)] == chosen)
+        own = place[seen]
+        matrix, right = np.zeros((len(chosen),) * 2), np.zeros(len(chosen))
+        matrix[np.ix_(seen, seen)] = one.matrix[np.ix_(own, own)]
+        right[seen] = one.right[own]
+        rest = replace(
+            total,
+            matrix=total.matrix[np.ix_(chosen, chosen)] - matrix,
+            right=total.right[chosen] - right,
+        )
+        estimate, _ = _solved(rest, np.arange(len(chosen)))
+        square += one.square + 2 * right @ estimate + estimate @ matrix @ estimate
+        count += one.count
+    return float(square / count)
+
+
+def _added(normals: Sequence[_Normal], size: int) -> _Normal:
+    matrix, right = np.zeros((size, size)), np.zeros(size)
+    for one in normals:
+        matrix[np.ix_(one.columns, one.columns)] += one.matrix
+        right[one.columns] += one.right
+    return _Normal(
+        np.arange(size), matrix, right, sum(one.square for one in normals), sum(one.count for one in normals)
+    )
+
+
+def _normal(one: CrossoverSet, fit, survey, profile, columns, centre) -> _Normal:
+    """One set's normal equations, whitened by its own noise about straight lines after its own timing correction."""
+    first, second = stretches(one, survey, profile)
+    x, y = corrected_tracks(one, first, second, fit.offset_s, fit.drift_s_per_count, fit.t0)
+    noise = residual_noise(x, y, one.point_count, degree=fit.degree).gap
+    values, vectors = np.linalg.eigh(noise)
+    whiten = vectors.T / np.sqrt(np.maximum(values, LEAST_VARIANCE) * fit.correlation_length)[:, None]
+    patterns = _patterns(one, first, second, survey, profile, centre)
+    chosen = np.concatenate([columns[name] for name in patterns])
+    order = np.argsort(chosen)
+    stacked = np.concatenate(list(patterns.values()), axis=2)[:, :, order]
+    white = np.einsum("ij,tjk->tik", whiten, stacked).reshape(-1, len(chosen))
+    gap = (one.gap @ whiten.T).ravel()
+    return _Normal(
+        chosen[order], white.T @ white, white.T @ gap, float(gap @ gap), gap.size / fit.correlation_length
+    )
+
+
+def _patterns(one: CrossoverSet, first, second, survey, profile, centre) -> dict[str, np.ndarray]:
+    """How the gap (T, 3) moves by each parameter of each cause: name -> (T, 3, K)."""
+    t, downrange = one.point_count - centre[0], one.x[:, 0] - centre[1]
+    c = first.velocity - second.velocity
+    # All speeds larger by a share: the same ray, followed farther by that share of its time.
+    scale = first.velocity * first.travel_time[:, None] - second.velocity * second.travel_time[:, None]
+    positions = [survey.position_of(number) for number in one.pair]
+    gradient = _by_gradient(one.x, positions[0], profile) - _by_gradient(one.y, positions[1], profile)
+    water = (scale, gradient, t[:, None] * scale, downrange[:, None] * scale)
+    patterns = {
+        cause.name: pattern[:, :, None]
+        for cause, pattern in zip(COMMON, (c, t[:, None] * c, *water), strict=True)
+    }
+    for number, track, position, sign in zip(one.pair, (one.x, one.y), positions, (1.0, -1.0), strict=True):
+        offset = track - position
+        level = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-6)
+        ahead = np.column_stack([offset[:, 0] / level, offset[:, 1] / level, np.zeros(len(level))])
+        left = np.column_stack([-offset[:, 1], offset[:, 0], np.zeros(len(level))])
+        raised = _by_elevation(track, position, profile)
+        raised = raised[:, :1] * ahead + raised[:, 1:] * np.array([0.0, 0.0, 1.0])
+        moved = (
+            np.repeat(np.eye(3)[None], len(level), axis=0),
+            _turned(offset),
+            raised[:, :, None],
+            left[:, :, None],
+        )
+        for (kind, _), pattern in zip(OF_ARRAYS, moved, strict=True):
+            patterns[f"{kind} of array {number}"] = sign * pattern
+    return patterns
+
+
+def _turned(offset: np.ndarray) -> np.ndarray:
+    """Movement (T, 3, 3) of points by a small turn about each axis through the array: axis x offset."""
+    return np.stack([np.cross(axis, offset) for axis in np.eye(3)], axis=2)
+
+
+def _seen(horizontal, depth, array_depth, profile) -> np.ndarray:
+    """What an array measures of places (T,): elevation of the arriving ray [rad] and travel time [s], (2, T)."""
+    rays = fit_rays(profile, horizontal, depth, array_depth)
+    return np.array([rays.elevation_array, rays.travel_time])
+
+
+def _placed(track: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    offset = track - position
+    return np.hypot(offset[:, 0], offset[:, 1]), -track[:, 2], -float(position[2])
+
+
+def _slopes(track, position, profile) -> np.ndarray:
+    """How elevation and time change with horizontal range and height: (T, 2, 2)."""
+    horizontal, depth, array_depth = _placed(track, position)
+
+    def difference(dr, dz):
+        later = _seen(horizontal + dr, depth - dz, array_depth, profile)
+        return (later - _seen(np.maximum(horizontal - dr, 0.0), depth + dz, array_depth, profile)) / (
+            2 * (dr + dz)
+        )
+
+    return np.stack([difference(STEP, 0.0), difference(0.0, STEP)], axis=-1).swapaxes(0, 1)
+
+
+def _by_elevation(track, position, profile) -> np.ndarray:
+    """Movement (T, 2), outward and up, by a radian of elevation at the array, the travel time kept."""
+    return np.linalg.solve(_slopes(track, position, profile), np.array([1.0, 0.0])[:, None])[..., 0]
+
+
+def _by_gradient(track, position, profile) -> np.ndarray:
+    """Movement (T, 3) by a speed that grows by one length/s more for each length of depth below the middle."""
+    horizontal, depth, array_depth = _placed(track, position)
+    small = 1e-4
+    middle = 0.5 * (np.median(depth) + array_depth)
+    deepest = max(float(depth.max()), array_depth, float(profile.depth[-1])) + STEP
+    wide = profile.extended(0.0, deepest)
+    steeper = replace(wide, speed=wide.speed + small * (wide.depth - middle))
+    change = _seen(horizontal, depth, array_depth, steeper) - _seen(horizontal, depth, array_depth, wide)
+    moved = np.linalg.solve(_slopes(track, position, wide), -change.T[..., None] / small)[..., 0]
+    offset = track - position
+    ahead = offset[:, :2] / np.maximum(horizontal, 1e-6)[:, None]
+    return np.column_stack([moved[:, :1] * ahead, moved[:, 1]])
