@@ -96,12 +96,12 @@ class BeaconTab(Tab):
         for widget in (self.across, self.up):
             widget.param.watch(lambda event: self._show_beside(), "value")
         self._panes = {
-            "History": _fill(self.history.figure),
+            "History": pn.Column(_fill(self.history.figure), sizing_mode="stretch_both", margin=0),
             "Contours": pn.Row(
                 _fill(self.contours.figure), pn.Column(self.across, self.up, width=130, margin=0),
                 sizing_mode="stretch_both", margin=0,
             ),
-            "Iterations": _fill(self.iterations.figure),
+            "Iterations": pn.Column(_fill(self.iterations.figure), sizing_mode="stretch_both", margin=0),
             "Estimators": self.models.panel(),
         }  # fmt: skip
         for name, pane in self._panes.items():
@@ -258,10 +258,8 @@ class BeaconTab(Tab):
     def _show_beside(self) -> None:
         """What was chosen to stand beside the residuals."""
         chosen, fix = self.beside.value, self.session.fix
-        for (
-            name,
-            pane,
-        ) in self._panes.items():  # hidden, not taken out: what is drawn meanwhile must find its figure
+        # Hidden, not taken out: what is drawn meanwhile must find its figure.
+        for name, pane in self._panes.items():
             pane.visible = name == chosen
         if fix is None or self._quiet:
             return
