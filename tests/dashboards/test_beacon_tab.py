@@ -397,6 +397,8 @@ def test_the_live_estimator_replays_beside_the_batch(tab):
     assert session.live
     assert np.abs(session.fix.position - batch.position).max() < 0.3 * batch.sigma.max()
     assert len(session.fix.number) == len(session.pings)
+    assert not session.failed
+    assert np.isfinite(tab.map.pings.data["moves_m"][session.fix.used]).all()
     session.speed = 1000
     session.play()
     said = set()
@@ -445,6 +447,7 @@ def test_pings_come_live_from_a_thread(tab):
     queue.push(Ping(9999, 41.0, -66.0, 1.0, 1e6))
     session.tick(0.2)
     assert session.heard == len(pings)
+    assert not session.failed
 
 
 def test_each_ping_says_how_far_it_moves_the_fix(tab):
