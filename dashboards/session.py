@@ -10,11 +10,13 @@ from pathlib import Path
 import param
 
 from dashboards.jobs import Jobs
+from dashboards.live import PingQueue
 from trackerlib import __version__
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.beacon.fix import fix_beacon
-from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.result import BeaconFix
+from trackerlib.beacon.live_survey import LiveSurvey
+from trackerlib.beacon.pings import PingLog, Pings
+from trackerlib.beacon.result import BeaconFix, blank_fix
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.crossover.gating import GatingResult, gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
@@ -52,6 +54,15 @@ class Session(param.Parameterized):
     fix_settings = param.ClassSelector(class_=FixSettings, default=FixSettings())
     fix = param.ClassSelector(class_=BeaconFix, allow_None=True, doc="of the pings heard so far")
     truth = param.Dict(default=None, allow_None=True, doc="known or published place of the beacon, if any")
+    reasons = param.Dict(default={}, doc="why pings were left out by hand, by their number")
+    opened = param.Integer(default=0, doc="raised by one for every survey opened or hunt begun")
+    bearing_lines = param.ClassSelector(
+        class_=tuple, default=(), doc="closest approaches read off the chart, for the map"
+    )
+
+    # Pings one at a time: of a replay, or as they come from a line
+    live = param.Boolean(default=False, doc="the live estimator, not the batch")
+    listening = param.String(default="", doc="where live pings come from, empty when from nowhere")
 
     # Replay of a survey: how many pings have been heard
     heard = param.Integer(default=0, bounds=(0, None))
@@ -70,6 +81,9 @@ class Session(param.Parameterized):
         self._past: list[dict] = []
         self._future: list[dict] = []
         self._clock = 0.0  # seconds of survey time since its first ping
+        self._queue, self._log = PingQueue(), PingLog()
+        self._live_survey: LiveSurvey | None = None
+        self._live_of: tuple = ()  # what the live estimator was begun for
 
     # -- messages ------------------------------------------------------------------------------
 
@@ -156,16 +170,7 @@ class Session(param.Parameterized):
         if profile is not None and SIMULATED in profile.notes and not reading.pings.simulated:
             profile = None  # the demo's water is not that of a real survey
         settings = replace(self.fix_settings, profile=profile, left_out=frozenset(), start=None)
-        self._past.clear()
-        self._future.clear()
-        self.param.update(
-            playing=False,
-            truth=None,
-            fix=None,
-            fix_settings=settings,
-            pings=reading.pings,
-            heard=len(reading.pings),
-        )
+        self._begin_hunt(fix_settings=settings, pings=reading.pings, heard=len(reading.pings), listening="")
         self._told(name, f"{len(reading.pings)} pings ({reading.layout})", reading.bad_records, reading.notes)
 
     def _open_profile(self, content, name) -> None:
@@ -218,6 +223,59 @@ class Session(param.Parameterized):
             chosen = max(result.sets, key=lambda one: one.points)
         self.param.update(gating=result, correction=None, crossover=chosen)
 
+    def _begin_hunt(self, **state) -> None:
+        self._past.clear()
+        self._future.clear()
+        self.param.update(
+            playing=False, truth=None, fix=None, reasons={}, bearing_lines=(), opened=self.opened + 1, **state
+        )
+
+    # -- live pings ----------------------------------------------------------------------------
+
+    def listen(self, source: str, simulated: bool = False) -> PingQueue:
+        """Begins a hunt with pings as they come; a reader pushes them into the queue, from any thread.
+
+        source : where they come from, in words, such as "receiver on COM3"
+        """
+        self._queue, self._log = PingQueue(), PingLog(source, simulated)
+        settings = replace(self.fix_settings, left_out=frozenset(), start=None)
+        self._begin_hunt(fix_settings=settings, pings=None, heard=0, listening=source, live=True)
+        self.say(f"Listening to {source}")
+        return self._queue
+
+    def stop_listening(self) -> None:
+        """Takes no further pings; those heard stay, and can be replayed."""
+        self._take_waiting()
+        self.listening = ""
+        self._queue = PingQueue()
+
+    def _take_waiting(self) -> None:
+        """Adds the pings that wait to the hunt."""
+        came = self._queue.drain()
+        for ping in came:
+            self._log.add(ping)
+        if came:
+            pings = self._log.pings()
+            self.param.update(pings=pings, heard=len(pings))
+
+    def _fix_live(self) -> None:
+        """The live estimator told of every ping that it has not heard yet, off the event loop."""
+        heard, settings = self.pings.only(slice(0, self.heard)), self.fix_settings
+        count = self._log.count if self.listening else self.heard
+        begun_for = (self.opened, settings)
+
+        def work(progress):
+            survey = self._live_survey
+            if survey is None or self._live_of != begun_for or survey.told > count:
+                try:
+                    survey = LiveSurvey(heard, settings)
+                except ValueError as error:
+                    return replace(blank_fix(heard, settings)[0], reason=str(error))
+                self._live_survey, self._live_of = survey, begun_for
+            return survey.hear(heard, count)
+
+        self._start_fix(work)
+
     # -- the fix and its replay ----------------------------------------------------------------
 
     @property
@@ -228,21 +286,32 @@ class Session(param.Parameterized):
             or (self.tfile is not None and self.tfile.simulated)
         )
 
-    @param.depends("pings", "fix_settings", "heard", watch=True)
+    @param.depends("pings", "fix_settings", "heard", "live", watch=True)
     def compute_fix(self) -> None:
         """Fixes the beacon from the pings heard so far, off the event loop, newest request first."""
         if self.pings is None:
             return
+        if self.live and self.heard:
+            self._fix_live()
+            return
         heard, settings = self.pings.only(slice(0, self.heard)), self.fix_settings
+        self._start_fix(lambda progress: fix_beacon(heard, settings))
+
+    def _start_fix(self, work) -> None:
+        opened = self.opened
 
         def done(fix):
-            self.fix = fix
+            if self.opened == opened:  # another survey may be open by now
+                self.fix = fix
 
-        self.jobs.start("fix", lambda progress: fix_beacon(heard, settings), done)
+        self.jobs.start("fix", work, done)
 
     def play(self) -> None:
         """Starts the replay, from the beginning if it stands at the end; pauses it if it runs."""
         if self.pings is None:
+            return
+        if self.listening:
+            self.say(f"Pings come live from {self.listening}; stop listening to replay them")
             return
         if not self.playing and self.heard >= len(self.pings):
             self.heard = 0
@@ -250,7 +319,9 @@ class Session(param.Parameterized):
         self.playing = not self.playing
 
     def tick(self, seconds: float) -> None:
-        """Lets the replay go on by some seconds of real time."""
+        """Takes the pings that came, and lets the replay go on by some seconds of real time."""
+        if self.listening:
+            self._take_waiting()
         if not self.playing or self.pings is None:
             return
         self._clock += seconds * self.speed
@@ -260,7 +331,7 @@ class Session(param.Parameterized):
 
     # -- saving --------------------------------------------------------------------------------
 
-    SAVED = ("mode", "max_slant_range_ft", "gap_counts", "speed")
+    SAVED = ("mode", "max_slant_range_ft", "gap_counts", "speed", "live")
 
     def to_json(self) -> str:
         """Settings, choices and the names of the inputs as a session file."""
@@ -279,7 +350,7 @@ class Session(param.Parameterized):
             },
             **{name: getattr(self, name) for name in self.SAVED},
             "fix_settings": settings,
-            "left_out": sorted(self.fix_settings.left_out),
+            "left_out": {str(n): self.reasons.get(n, "") for n in sorted(self.fix_settings.left_out)},
             "chosen_set": None
             if self.crossover is None
             else [*self.crossover.pair, self.crossover.pass_number],
@@ -292,14 +363,14 @@ class Session(param.Parameterized):
             document = json.loads("\n".join(decode_lines(content, name)))
             kept = {key: document[key] for key in self.SAVED if key in document}
             told = document.get("fix_settings", {})
-            told["start"] = tuple(told["start"]) if told.get("start") else None
-            left_out = frozenset(int(number) for number in document.get("left_out", []))
-            settings = replace(self.fix_settings, **told, left_out=left_out)
+            told = {key: tuple(value) if isinstance(value, list) else value for key, value in told.items()}
+            reasons = {int(number): str(why) for number, why in document.get("left_out", {}).items()}
+            settings = replace(self.fix_settings, **told, left_out=frozenset(reasons))
             with param.parameterized.discard_events(self):
                 self.param.update(**kept)
-        except (ValueError, TypeError, KeyError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise InputError(f"{name}: not a session file of this program ({error})") from None
-        self.fix_settings = settings
+        self.param.update(fix_settings=settings, reasons=reasons)
         self.gate()
         chosen = document.get("chosen_set")
         if chosen and self.gating is not None:

@@ -1,309 +1,204 @@
-"""The map of a beacon hunt and the strips below it, over one shared source of pings."""
+"""The map of a beacon hunt: ship, pings, fixes, their ellipses, what else fits, what the chart showed."""
 
 from __future__ import annotations
 
 import numpy as np
-from bokeh.models import (
-    ColorBar,
-    ColumnDataSource,
-    HoverTool,
-    Legend,
-    LegendItem,
-    LinearColorMapper,
-    PointDrawTool,
-    Span,
-)
-from bokeh.palettes import Cividis256
-from bokeh.plotting import figure
-from bokeh.plotting.contour import contour_data
+from bokeh.core.properties import value
+from bokeh.models import ColorBar, ColumnDataSource, HoverTool, LinearColorMapper
 
-from dashboards.palette import DIVERGING, ESTIMATE, REJECTED, SHIP, TRUTH
+from dashboards.palette import DIVERGING, ESTIMATE, REJECTED, SECOND_ARRAY, SHIP, TRUTH
+from dashboards.pictures.leg_layer import LegLayer
+from dashboards.pictures.legend import legend_entry, style_legend
 from dashboards.pictures.mercator import map_figure, mercator, show_box
-from trackerlib.beacon.diagnosis import MisfitSurface
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.planning import Forecast
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.uncertainty import Ellipse
+from trackerlib.frames import LocalFrame
 
 PING_COLUMNS = ("number", "x", "y", "residual_ms", "shade_ms", "used", "utc", "kind", "moves_m")
-LEVELS = (2.3, 6.0, 9.2, 20.0, 50.0, 100.0)  # of chi-square; 6.0 holds 95 % in two dimensions
-LEGEND = {
-    "location": "top_left",
-    "click_policy": "hide",
-    "label_text_font_size": "11px",
-    "spacing": 0,
-    "padding": 4,
-    "glyph_height": 14,
-    "background_fill_alpha": 0.7,
-}
-
-
-def style_legend(fig) -> None:
-    """A small legend inside the picture; a click hides what it names."""
-    for name, value in LEGEND.items():
-        setattr(fig.legend, name, value)
-
-
-def legend_entry(fig, label: str, shown: list, **mark):
-    """A legend entry with a mark of its own; a click on it hides or shows the renderers it stands for.
-
-    The mark stands for itself because Bokeh draws the legend of a data-coloured renderer from its data,
-    and fails when these grow fewer or are none.
-    """
-    mark = fig.scatter([np.nan], [np.nan], **mark)
-    for renderer in shown:
-        mark.js_link("visible", renderer, "visible")
-    if not fig.legend:
-        fig.add_layout(Legend())
-    entry = LegendItem(label=label, renderers=[mark])
-    fig.legend[0].items.append(entry)
-    return entry
+MOST_DRAWN = 4000  # pings; of more, every second, third, ... is drawn
+LARGEST_DRAWN_M = 50_000.0  # half axis of an ellipse
+STRONG = {"size": 12, "line_color": ESTIMATE, "line_width": 2, "fill_color": ESTIMATE}
 
 
 class BeaconMap:
-    """Map, residuals and history of one hunt; `show` replaces only what changed."""
+    """The map; `show_survey` and `show_fix` replace only what changed."""
 
     def __init__(self, tile_address: str = ""):
-        empty = {name: [] for name in PING_COLUMNS}
-        self.pings = ColumnDataSource(empty, name="pings")
-        self.track = ColumnDataSource({"x": [], "y": []})
+        self.pings = ColumnDataSource({name: [] for name in PING_COLUMNS}, name="pings")
+        self.track = _points("track")
         self.ship = ColumnDataSource({"x": [], "y": [], "angle": []})
-        self.fix = ColumnDataSource({"x": [], "y": [], "fill": [], "label": []}, name="fix")
-        self.ellipse = ColumnDataSource({"x": [], "y": []}, name="ellipse")
-        self.hollow_ellipse = ColumnDataSource({"x": [], "y": []})
-        self.alternatives = ColumnDataSource({"x": [], "y": [], "label": []}, name="alternatives")
-        self.truth = ColumnDataSource({"x": [], "y": []}, name="truth")
-        self.drift = ColumnDataSource({"x": [], "y": []}, name="drift")
-        self.leg = ColumnDataSource({"x": [], "y": []}, name="leg")
-        self.leg_end = ColumnDataSource({"x": [], "y": []}, name="leg end")
-        self.forecast = ColumnDataSource({"x": [], "y": []}, name="forecast")
-        self.attainable = ColumnDataSource(
-            {name: [] for name in ("image", "x", "y", "dw", "dh")}, name="attainable"
+        self.trail = _points("trail", "number")
+        self.fix = _points("fix", "fill")
+        self.ellipse, self.hollow_ellipse = _points("ellipse"), _points("hollow ellipse")
+        self.alternatives = _points("alternatives", "label")
+        self.compared = _points("compared", "label", "below_px")
+        self.compared_rings = ColumnDataSource({"xs": [], "ys": []}, name="compared rings")
+        self.truth = _points("truth")
+        self.drift = _points("drift")
+        self.bearings = ColumnDataSource(
+            {name: [] for name in ("xs", "ys", "distance_m", "sigma_m")}, name="bearing lines"
         )
-        self.history = ColumnDataSource(
-            {name: [] for name in ("number", "depth", "low", "high", "major")}, name="history"
-        )
+        self.approaches = _points("closest approaches")
         self.colour = LinearColorMapper(DIVERGING, low=-1, high=1, nan_color=REJECTED)
-        self.map, self.home = self._map(tile_address)
-        self.residuals = self._residuals()
-        self.depths = self._history()
-        self.contours, self._contour, self._contour_centre = self._contours()
+        self.map, self.home = map_figure("beacon map", tile_address)
+        self.leg = LegLayer(self.map)
+        self._draw_survey()
+        self._draw_answer()
+        self._draw_reference()
+        self._add_legend()
 
-    # -- figures -------------------------------------------------------------------------------
+    # -- layers --------------------------------------------------------------------------------
 
-    def _map(self, tile_address):
-        fig, home = map_figure("beacon map", tile_address)
-        shade = fig.image(
-            "image",
-            "x",
-            "y",
-            "dw",
-            "dh",
-            source=self.attainable,
-            palette=Cividis256[::-1],
-            alpha=0.45,
-            level="image",
-        )
-        fig.add_tools(HoverTool(renderers=[shade], tooltips=[("expected error", "@image{0.0} m")]))
-        track = fig.line("x", "y", source=self.track, color=SHIP, line_width=1)
-        now = fig.scatter("x", "y", source=self.ship, marker="triangle", angle="angle", size=13, color=SHIP)
-        points = fig.scatter(
+    def _draw_survey(self) -> None:
+        fig = self.map
+        self._track = [
+            fig.line("x", "y", source=self.track, color=SHIP, line_width=1),
+            fig.scatter("x", "y", source=self.ship, marker="triangle", angle="angle", size=13, color=SHIP),
+        ]
+        self._dots = fig.scatter(
             "x",
             "y",
             source=self.pings,
             size=6,
-            color={"field": "residual_ms", "transform": self.colour},
-            line_color=None,
+            color={"field": "shade_ms", "transform": self.colour},
+            line_color={"field": "shade_ms", "transform": self.colour},
+            line_width=0.5,
             marker="kind",
             nonselection_fill_alpha=0.15,
             nonselection_line_alpha=0.15,
         )
         tips = [("ping", "@number"), ("residual", "@residual_ms{0.00} ms"), ("UTC", "@utc"), ("", "@used")]
-        fig.add_tools(HoverTool(renderers=[points], tooltips=tips))
-        ring = fig.patch(
-            "x", "y", source=self.ellipse, fill_color=ESTIMATE, fill_alpha=0.15, line_color=ESTIMATE
+        fig.add_tools(HoverTool(renderers=[self._dots], tooltips=tips))
+
+    def _draw_answer(self) -> None:
+        fig = self.map
+        self._trail = [
+            fig.line("x", "y", source=self.trail, line_color=ESTIMATE, line_alpha=0.5),
+            fig.scatter("x", "y", source=self.trail, size=4, color=ESTIMATE, alpha=0.5),
+        ]
+        fig.add_tools(
+            HoverTool(renderers=self._trail[1:], tooltips=[("fix after ping", "@number")], name="trail hover")
         )
-        dashed = fig.line("x", "y", source=self.hollow_ellipse, line_color=ESTIMATE, line_dash="dashed")
-        strong = {"size": 12, "line_color": ESTIMATE, "line_width": 2, "fill_color": ESTIMATE}
-        drift = fig.line("x", "y", source=self.drift, line_color=ESTIMATE, line_width=2, line_dash="dotted")
-        place = fig.scatter("x", "y", source=self.fix, fill_alpha="fill", **strong)
-        others = fig.scatter("x", "y", source=self.alternatives, fill_alpha=0, **strong)
-        words = fig.text(
-            "x",
-            "y",
-            text="label",
-            source=self.alternatives,
-            x_offset=9,
-            text_font_size="11px",
-            text_color=ESTIMATE,
+        self._rings = [
+            fig.patch(
+                "x", "y", source=self.ellipse, fill_color=ESTIMATE, fill_alpha=0.15, line_color=ESTIMATE
+            ),
+            fig.line("x", "y", source=self.hollow_ellipse, line_color=ESTIMATE, line_dash="dashed"),
+        ]
+        self._place = [
+            fig.line("x", "y", source=self.drift, line_color=ESTIMATE, line_width=2, line_dash="dotted"),
+            fig.scatter("x", "y", source=self.fix, fill_alpha="fill", **STRONG),
+        ]
+        words = {"x_offset": 9, "text_font_size": "11px", "text": "label"}
+        self._others = [
+            fig.scatter("x", "y", source=self.alternatives, fill_alpha=0, **STRONG),
+            fig.text("x", "y", source=self.alternatives, text_color=ESTIMATE, **words),
+        ]
+        ink = {"line_color": ESTIMATE, "line_alpha": 0.8}
+        self._compared = [
+            fig.multi_line("xs", "ys", source=self.compared_rings, line_dash="dotdash", **ink),
+            fig.scatter("x", "y", source=self.compared, size=9, fill_alpha=0, line_width=1.5, **ink),
+            fig.text("x", "y", source=self.compared, y_offset="below_px", text_color=ESTIMATE, **words),
+        ]
+
+    def _draw_reference(self) -> None:
+        fig = self.map
+        self._bearings = [
+            fig.multi_line("xs", "ys", source=self.bearings, line_color=SECOND_ARRAY, line_dash="dashed"),
+            fig.scatter("x", "y", source=self.approaches, marker="cross", size=9, color=SECOND_ARRAY),
+        ]
+        tips = [("closest approach", "@distance_m{0} ± @sigma_m{0} m")]
+        fig.add_tools(HoverTool(renderers=self._bearings[:1], tooltips=tips))
+        self._truth = [fig.scatter("x", "y", source=self.truth, marker="diamond", size=14, color=TRUTH)]
+
+    def _add_legend(self) -> None:
+        fig = self.map
+        faint = {"color": ESTIMATE, "alpha": 0.5}
+        legend_entry(fig, "ship", self._track, marker="triangle", size=10, color=SHIP)
+        self._pings_entry = legend_entry(fig, "ping, by residual", [self._dots], size=6, color=SHIP)
+        legend_entry(fig, "fix", self._place, **STRONG)
+        legend_entry(fig, "95 % ellipse", self._rings, line=True, line_color=ESTIMATE)
+        self._others_entry = legend_entry(fig, "fits as well", self._others, fill_alpha=0, **STRONG)
+        self._trail_entry = legend_entry(fig, "earlier fixes", self._trail, size=4, **faint)
+        self._compared_entry = legend_entry(
+            fig, "other estimators", self._compared, size=9, fill_alpha=0, line_color=ESTIMATE
         )
-        dotted = {"line_color": ESTIMATE, "line_dash": "dotted", "line_alpha": 0.8}
-        leg = fig.line("x", "y", source=self.leg, line_width=2, **dotted)
-        end = fig.scatter(
-            "x",
-            "y",
-            source=self.leg_end,
-            marker="triangle",
-            size=13,
-            fill_alpha=0.3,
-            color=ESTIMATE,
-            name="leg end",
-        )
-        ahead = fig.line("x", "y", source=self.forecast, **dotted)
-        fig.add_tools(PointDrawTool(renderers=[end], add=False, description="drag the end of the next leg"))
-        truth = fig.scatter("x", "y", source=self.truth, marker="diamond", size=14, color=TRUTH)
-        legend_entry(fig, "ship", [track, now], marker="triangle", size=10, color=SHIP)
-        legend_entry(fig, "ping, by residual", [points], size=6, color=SHIP)
-        legend_entry(fig, "fix, 95 % ellipse", [place, ring, dashed, drift], **strong)
-        legend_entry(fig, "fits as well", [others, words], fill_alpha=0, **strong)
-        self._leg_entry = legend_entry(
-            fig,
-            "next leg, forecast",
-            [leg, end, ahead, shade],
-            marker="triangle",
-            size=10,
-            color=ESTIMATE,
-            alpha=0.5,
-        )
-        self._leg_entry.visible = False
+        self._bearings_entry = legend_entry(
+            fig, "closest approach, bearing line", self._bearings,
+            line=True, line_color=SECOND_ARRAY, line_dash="dashed",
+        )  # fmt: skip
+        self.leg.add_legend()
         self._truth_entry = legend_entry(
-            fig, "truth (simulated)", [truth], marker="diamond", size=14, color=TRUTH
+            fig, "truth (simulated)", self._truth, marker="diamond", size=14, color=TRUTH
         )
+        for entry in (self._others_entry, self._trail_entry, self._compared_entry, self._bearings_entry):
+            entry.visible = False
+        style_legend(fig)
         bar = ColorBar(
             color_mapper=self.colour, title="ms", width=8, padding=4, major_label_text_font_size="10px"
         )
         fig.add_layout(bar, "right")
-        style_legend(fig)
-        return fig, home
-
-    def _residuals(self):
-        fig = figure(
-            name="residuals",
-            sizing_mode="stretch_both",
-            tools="xpan,xwheel_zoom,box_select,tap,reset,save",
-            active_scroll="xwheel_zoom",
-            x_axis_label="ping",
-            y_axis_label="residual (ms)",
-        )
-        ink = {"field": "shade_ms", "transform": self.colour}
-        points = fig.scatter(
-            "number",
-            "residual_ms",
-            source=self.pings,
-            size=5,
-            color=ink,
-            marker="kind",
-            nonselection_fill_alpha=0.15,
-        )
-        fig.add_layout(Span(location=0, dimension="width", line_color=SHIP, line_width=1))
-        fig.add_tools(
-            HoverTool(
-                renderers=[points],
-                tooltips=[
-                    ("ping", "@number"),
-                    ("residual", "@residual_ms{0.00} ms"),
-                    ("moves the fix by", "@moves_m{0.00} m"),
-                ],
-            )
-        )
-        return fig
-
-    def _history(self):
-        fig = figure(
-            name="history",
-            sizing_mode="stretch_both",
-            tools="xpan,xwheel_zoom,reset,save",
-            active_scroll="xwheel_zoom",
-            x_axis_label="ping",
-            y_axis_label="depth (m), 95 % band",
-        )
-        fig.y_range.flipped = True
-        fig.varea("number", "low", "high", source=self.history, fill_color=ESTIMATE, fill_alpha=0.2)
-        line = fig.line("number", "depth", source=self.history, line_color=ESTIMATE, line_width=2)
-        fig.add_tools(
-            HoverTool(
-                renderers=[line],
-                mode="vline",
-                tooltips=[("ping", "@number"), ("depth", "@depth{0.0} m"), ("ellipse", "@major{0.0} m")],
-            )
-        )
-        return fig
-
-    def _contours(self):
-        fig = figure(
-            name="contours",
-            sizing_mode="stretch_both",
-            tools="pan,wheel_zoom,reset,save",
-            active_scroll="wheel_zoom",
-            match_aspect=True,
-        )
-        blank = np.zeros((2, 2))
-        drawn = fig.contour([0, 1], [0, 1], blank, list(LEVELS), line_color=ESTIMATE, line_alpha=0.8)
-        centre = ColumnDataSource({"x": [], "y": []})
-        fig.scatter("x", "y", source=centre, size=9, color=ESTIMATE)
-        return fig, drawn, centre
 
     # -- data ----------------------------------------------------------------------------------
 
-    def show_survey(self, pings: Pings, truth: dict | None) -> None:
+    def show_survey(self, pings: Pings | None, truth: dict | None) -> None:
         """Starts a new survey: the whole track as home box, the truth where it is known."""
-        x, y = mercator(pings.lat_deg, pings.lon_deg)
-        show_box(self.home, x, y)
+        self._show_trail([])
         self.truth.data = {"x": [], "y": []}
+        self._truth_entry.visible = truth is not None
         if truth is not None:
             tx, ty = mercator(truth["lat_deg"], truth["lon_deg"])
             self.truth.data = {"x": [float(tx)], "y": [float(ty)]}
-        self._truth_entry.visible = truth is not None
-        self.history.data = {name: [] for name in self.history.data}
+        if pings is not None:
+            show_box(self.home, *mercator(pings.lat_deg, pings.lon_deg))
 
-    def show_contours(self, surface: MisfitSurface | None) -> None:
-        """Chi-square contours about the fix, 95 % the second of them; None clears them."""
-        blank = np.zeros((2, 2))
-        grid = ([0, 1], [0, 1], blank) if surface is None else (surface.across_m, surface.up_m, surface.rise)
-        self._contour.set_data(contour_data(*grid, list(LEVELS)))
-        self._contour_centre.data = {"x": [], "y": []}
-        if surface is not None:
-            row, column = np.unravel_index(np.argmin(surface.rise), surface.rise.shape)
-            self._contour_centre.data = {"x": [surface.across_m[column]], "y": [surface.up_m[row]]}
-            self.contours.xaxis.axis_label = f"{surface.names[0]} (m)"
-            self.contours.yaxis.axis_label = f"{surface.names[1]} (m)"
-            self.contours.y_range.flipped = surface.names[1] == "depth"
+    def keep_ship_in_sight(self, pings: Pings) -> None:
+        """Makes the home box hold a track that grows."""
+        x, y = mercator(pings.lat_deg, pings.lon_deg)
+        x0, x1, y0, y1 = self.home.tags
+        if np.nanmin(x) < x0 or np.nanmax(x) > x1 or np.nanmin(y) < y0 or np.nanmax(y) > y1:
+            show_box(self.home, x, y, margin=0.5)
 
-    def show_fix(self, pings: Pings, fix: BeaconFix, moves_m: np.ndarray | None = None) -> None:
-        """The pings heard so far, coloured by what this fix leaves of them, and the fix itself.
+    def show_moves(self, moves_m: np.ndarray) -> None:
+        """How far (N,) [m] the fix shown would move without each ping."""
+        every = max(-(-len(moves_m) // MOST_DRAWN), 1)
+        self.pings.data["moves_m"] = moves_m[::every].astype("f4")
 
-        moves_m : (N,) how far the fix would move without each ping
-        """
+    def show_fix(self, pings: Pings, fix: BeaconFix) -> None:
+        """The pings heard so far, coloured by what this fix leaves of them, and the fix itself."""
         count = min(len(pings), len(fix.number))
-        x, y = mercator(pings.lat_deg[:count], pings.lon_deg[:count])
+        every = -(-count // MOST_DRAWN)
+        drawn = np.arange(0, count, max(every, 1))
+        x, y = mercator(pings.lat_deg[drawn], pings.lon_deg[drawn])
         self.track.data = {"x": x, "y": y}
         self.ship.data = _ship_now(x, y)
+        thinned = "" if every < 2 else f" (1 of {every} drawn)"
+        self._pings_entry.label = value(f"ping, by residual{thinned}")
         residual = np.full(count, np.nan) if fix.residual_s is None else 1e3 * fix.residual_s[:count]
         used = fix.used[:count]
         limit = max(3 * np.nanstd(residual[used]) if used.any() and fix.residual_s is not None else 1.0, 0.1)
         self.colour.update(low=-float(limit), high=float(limit))
+        used, residual = used[drawn], residual[drawn]
+        utc = pings.utc[drawn]
         self.pings.data = {
-            "number": fix.number[:count].astype(np.int32),
+            "number": fix.number[drawn].astype(np.int32),
             "x": x,
             "y": y,
             "residual_ms": np.where(used, residual, np.clip(residual, -4 * limit, 4 * limit)).astype("f4"),
             "shade_ms": np.where(used, residual, np.nan).astype("f4"),  # grey where left out
             "used": np.where(used, "used", "left out"),
-            "utc": np.where(np.isnat(pings.utc[:count]), "", pings.utc[:count].astype(str)),
+            "utc": np.where(np.isnat(utc), "", utc.astype(str)),
             "kind": np.where(used, "circle", "x"),
-            "moves_m": np.full(count, np.nan, "f4") if moves_m is None else moves_m[:count].astype("f4"),
+            "moves_m": np.full(len(drawn), np.nan, "f4"),
         }
         self._show_place(fix)
-        self._keep_in_sight(fix)
-
-    def _keep_in_sight(self, fix: BeaconFix) -> None:
-        """Widens the home box where an answer lies outside it."""
-        self._widen(
+        self.widen(
             [*self.fix.data["x"], *self.alternatives.data["x"]],
             [*self.fix.data["y"], *self.alternatives.data["y"]],
         )
 
-    def _widen(self, x: list, y: list) -> None:
+    def widen(self, x: list, y: list) -> None:
         """Makes the home box hold these points too, if they are not far out."""
         x0, x1, y0, y1 = self.home.tags
         reach = 5 * max(x1 - x0, y1 - y0)  # a wild first guess must not shrink the survey to a dot
@@ -318,17 +213,12 @@ class BeaconMap:
 
     def _show_place(self, fix: BeaconFix) -> None:
         full, hollow, drift = {"x": [], "y": []}, {"x": [], "y": []}, {"x": [], "y": []}
-        place = {"x": [], "y": [], "fill": [], "label": []}
+        place = {"x": [], "y": [], "fill": []}
         if fix.position is not None:
             now = fix.present
             px, py = mercator(now.lat_deg, now.lon_deg)
-            place = {
-                "x": [float(px)],
-                "y": [float(py)],
-                "fill": [1.0 if fix.converged else 0.0],
-                "label": [""],
-            }
-            if now.ellipse is not None and now.ellipse.semi_major_m < 50_000:
+            place = {"x": [float(px)], "y": [float(py)], "fill": [1.0 if fix.converged else 0.0]}
+            if now.ellipse is not None and now.ellipse.semi_major_m < LARGEST_DRAWN_M:
                 ring = ellipse_ring(fix, now.position, now.ellipse)
                 full, hollow = (ring, hollow) if fix.converged else (full, ring)
             if fix.velocity is not None:
@@ -337,71 +227,72 @@ class BeaconMap:
         self.fix.data, self.ellipse.data, self.hollow_ellipse.data = place, full, hollow
         self.drift.data = drift
         ax, ay = mercator([a.lat_deg for a in fix.alternatives], [a.lon_deg for a in fix.alternatives])
+        self._others_entry.visible = bool(fix.alternatives)
         self.alternatives.data = {
             "x": ax,
             "y": ay,
             "label": [f"also fits: {a.depth_m:.0f} m deep" for a in fix.alternatives],
         }
 
-    def show_leg(self, fix: BeaconFix, forecast: Forecast | None, move_end: bool = True) -> None:
-        """The leg of a forecast and the ellipse it would leave; None clears both.
+    def show_compared(self, fixes: dict[str, BeaconFix]) -> None:
+        """What other estimators say, each with its ellipse where it believes one; none clears them."""
+        placed = {name: fix for name, fix in fixes.items() if fix.position is not None}
+        self._compared_entry.visible = bool(placed)
+        rings = [
+            ellipse_ring(fix, fix.present.position, fix.present.ellipse)
+            for fix in placed.values()
+            if fix.uncertainty is not None and fix.present.ellipse.semi_major_m < LARGEST_DRAWN_M
+        ]
+        self.compared_rings.data = {axis + "s": [ring[axis] for ring in rings] for axis in ("x", "y")}
+        now = [fix.present for fix in placed.values()]
+        x, y = mercator([place.lat_deg for place in now], [place.lon_deg for place in now])
+        below = 13 * np.arange(1, len(placed) + 1)  # pixels, so that names of one place stand in a list
+        self.compared.data = {"x": x, "y": y, "label": list(placed), "below_px": below}
+        self.widen(list(x), list(y))
 
-        move_end : not while the analyst drags it
+    def show_bearings(self, lines: tuple) -> None:
+        """Bearing lines read off the chart: both ways from each closest approach, as far as its distance.
+
+        lines : each with lat_deg, lon_deg, bearing_deg, distance_m, sigma_m
         """
-        self._leg_entry.visible = forecast is not None
-        if forecast is None:
-            for source in (self.leg, self.leg_end, self.forecast):
-                source.data = {"x": [], "y": []}
-            self.attainable.data = {name: [] for name in self.attainable.data}
-            return
-        ends = np.column_stack([[forecast.leg.start, forecast.leg.end], np.zeros(2)])
-        lat, lon, _ = fix.frame.to_geodetic(ends)
-        x, y = mercator(lat, lon)
-        self.leg.data = {"x": x, "y": y}
-        if move_end:
-            self.leg_end.data = {"x": x[1:], "y": y[1:]}
-            self._widen(list(x), list(y))
-        place = fix.present.position if fix.position is not None else None
-        drawn = place is not None and forecast.ellipse.semi_major_m < 50_000
-        self.forecast.data = ellipse_ring(fix, place, forecast.ellipse) if drawn else {"x": [], "y": []}
-
-    def shade(self, fix: BeaconFix, east: np.ndarray, north: np.ndarray, error: np.ndarray) -> None:
-        """Expected error [m] after a leg to each place of a grid, darker where it is less."""
-        corners = np.array([[east[0], north[0], 0.0], [east[-1], north[-1], 0.0]])
-        lat, lon, _ = fix.frame.to_geodetic(corners)
-        (left, right), (bottom, top) = mercator(lat, lon)
-        dx, dy = (right - left) / (len(east) - 1), (top - bottom) / (len(north) - 1)
-        self.attainable.data = {
-            "image": [error.astype("f4")],
-            "x": [left - dx / 2],
-            "y": [bottom - dy / 2],
-            "dw": [right - left + dx],
-            "dh": [top - bottom + dy],
+        self._bearings_entry.visible = bool(lines)
+        xs, ys = [], []
+        for line in lines:
+            reach = np.array([-1.0, 0.0, 1.0])[:, None] * line.distance_m
+            bearing = np.radians(line.bearing_deg)
+            ends = reach * np.array([[np.sin(bearing), np.cos(bearing), 0.0]])
+            lat, lon, _ = LocalFrame(line.lat_deg, line.lon_deg).to_geodetic(ends)
+            x, y = mercator(lat, lon)
+            xs.append(x)
+            ys.append(y)
+        self.bearings.data = {
+            "xs": xs,
+            "ys": ys,
+            "distance_m": [line.distance_m for line in lines],
+            "sigma_m": [line.sigma_m for line in lines],
         }
+        self.approaches.data = {"x": [x[1] for x in xs], "y": [y[1] for y in ys]}
 
-    def add_history(self, fix: BeaconFix) -> None:
-        """One more fix at the end of the history, if it is believed and later than the last one there."""
-        known = self.history.data["number"]
-        if fix.converged and (not len(known) or fix.number[-1] > known[-1]):
-            self.history.stream(history_row(fix), rollover=5000)
+    def show_trail(self, fixes: list[BeaconFix]) -> None:
+        """Where the fixes of a history stood."""
+        self._show_trail([fix for fix in fixes if fix.converged])
 
-    def set_history(self, fixes: list[BeaconFix]) -> None:
-        """The whole history at once."""
-        rows = [history_row(fix) for fix in fixes if fix.converged]
-        self.history.data = {name: [row[name][0] for row in rows] for name in self.history.data}
+    def add_to_trail(self, fix: BeaconFix) -> None:
+        """One more of them."""
+        if fix.converged:
+            x, y = mercator(fix.present.lat_deg, fix.present.lon_deg)
+            self._trail_entry.visible = True
+            row = {"x": [float(x)], "y": [float(y)], "number": [int(fix.number[-1])]}
+            self.trail.stream(row, rollover=2000)
+
+    def _show_trail(self, fixes: list[BeaconFix]) -> None:
+        x, y = mercator([fix.present.lat_deg for fix in fixes], [fix.present.lon_deg for fix in fixes])
+        self.trail.data = {"x": x, "y": y, "number": [int(fix.number[-1]) for fix in fixes]}
+        self._trail_entry.visible = bool(fixes)
 
 
-def history_row(fix: BeaconFix) -> dict:
-    """Depth with its 95 % band and the ellipse's half axis after the last ping of a fix."""
-    now = fix.present
-    half = 1.96 * float(now.sigma[2])
-    return {
-        "number": [int(fix.number[-1])],
-        "depth": [now.depth_m],
-        "low": [now.depth_m - half],
-        "high": [now.depth_m + half],
-        "major": [now.ellipse.semi_major_m],
-    }
+def _points(name: str, *more: str) -> ColumnDataSource:
+    return ColumnDataSource({column: [] for column in ("x", "y", *more)}, name=name)
 
 
 def ellipse_ring(fix: BeaconFix, centre: np.ndarray, shape: Ellipse, points: int = 73) -> dict:

@@ -7,9 +7,10 @@ from bokeh.models import ColumnDataSource, HoverTool, Span
 from bokeh.plotting import figure
 
 from dashboards.palette import COMPONENTS, ESTIMATE, SHIP
-from dashboards.pictures.beacon_map import style_legend
+from dashboards.pictures.legend import style_legend
 
-METHOD_INK = {"all-pings": ESTIMATE, "thesis": COMPONENTS[1]}
+METHOD_INK = {"all-pings": ESTIMATE, "thesis": COMPONENTS[1], "usual": COMPONENTS[2]}
+METHOD_NAMES = {"all-pings": "every ping", "thesis": "thesis's experiments", "usual": "usual least squares"}
 COLUMNS = ("abscissa", "rmse", "stated", "bound", "ratio", "coverage", "low", "high", "converged")
 LABELS = {"experiments": "number of experiments", "spacing": "spacing (receptions)"}
 
@@ -24,18 +25,16 @@ class StudyViews:
         self.ratio = self._figure("study ratio", "error over bound", "log")
         self.coverage = self._figure("study coverage", "inside the 95 % ellipsoid", "linear")
         for method, ink in METHOD_INK.items():
-            source = self.curves[method]
-            dots = self.error.scatter(
-                "abscissa", "rmse", source=source, size=6, color=ink, legend_label=method
-            )
-            self.error.line("abscissa", "rmse", source=source, color=ink, legend_label=method)
+            source, name = self.curves[method], METHOD_NAMES[method]
+            dots = self.error.scatter("abscissa", "rmse", source=source, size=6, color=ink, legend_label=name)
+            self.error.line("abscissa", "rmse", source=source, color=ink, legend_label=name)
             self.error.line(
                 "abscissa",
                 "stated",
                 source=source,
                 color=ink,
                 line_dash="dotted",
-                legend_label=f"{method}, stated",
+                legend_label=f"{name}, stated",
             )
             self.error.line(
                 "abscissa",

@@ -8,7 +8,7 @@ from bokeh.models import ColumnDataSource, HoverTool, Range1d, Span
 from bokeh.plotting import figure
 
 from dashboards.palette import BEFORE, COMPONENTS, FIRST_ARRAY, REJECTED, SECOND_ARRAY
-from dashboards.pictures.beacon_map import style_legend
+from dashboards.pictures.legend import style_legend
 from dashboards.pictures.mercator import equal_scale
 from trackerlib.crossover.gaps import course_of, distance_along, summarise_gap
 from trackerlib.crossover.pairs import CrossoverSet

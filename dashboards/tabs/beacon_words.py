@@ -8,12 +8,15 @@ from dataclasses import asdict
 
 import numpy as np
 
+from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.planning import ErrorBudget
 from trackerlib.beacon.result import BeaconFix
-from trackerlib.commands.fix import document
+from trackerlib.commands.fix_document import document
 from trackerlib.frames import degrees_minutes, utm
 from trackerlib.positions import degrees_minutes_seconds
 from trackerlib.rounding import value_with_sigma
+
+CELL = " style='padding:1px 10px 1px 0;vertical-align:top'"
 
 
 def sentence(fix: BeaconFix) -> str:
@@ -70,8 +73,8 @@ def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
             ("residuals that count as one", f"{fix.uncertainty.correlation.length:.1f}"),
         ]
     if budget is not None:
-        for name, values in asdict(budget).items():
-            rows.append((f"of depth's sigma: {name.replace('_', ' ')}", f"{values[2]:.2g} m"))
+        parts = [f"{values[2]:.2g} m {name.replace('_', ' ')}" for name, values in asdict(budget).items()]
+        rows.append(("depth's sigma is made of", ", ".join(parts)))
     if fix.sound_speed_mps is not None:
         rows.append(("mean sound speed", f"{fix.sound_speed_mps:.1f} m/s"))
     rows.append(("pings used", f"{int(fix.used.sum())} of {len(fix.used)}"))
@@ -88,8 +91,8 @@ def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
 def models_table(scores) -> str:
     """Models side by side, the best first, as an HTML table."""
     cells = "".join(
-        f"<tr><td style='padding:1px 10px 1px 0'>{html.escape(score.name)}</td>"
-        f"<td style='padding:1px 10px 1px 0'>{'no place' if np.isinf(score.aicc) else f'{score.aicc:.1f}'}</td>"
+        f"<tr><td{CELL}>{html.escape(score.name)}</td>"
+        f"<td{CELL}>{'no place' if np.isinf(score.aicc) else f'{score.aicc:.1f}'}</td>"
         f"<td>{'' if np.isnan(score.held_out_s) else f'{1e3 * score.held_out_s:.3g} ms'}</td></tr>"
         for score in scores
     )
@@ -97,6 +100,59 @@ def models_table(scores) -> str:
         "<table><tr style='opacity:.75;text-align:left'><td>the beacon</td><td>AICc above best</td>"
         f"<td>held-out pings</td></tr>{cells}</table>"
     )
+
+
+def estimators_table(fixes: dict[str, BeaconFix]) -> str:
+    """Fixes of the same pings side by side, as an HTML table."""
+    rows = []
+    for fix in fixes.values():
+        if fix.position is None:
+            rows.append(f"<td colspan=5>no place: {html.escape(fix.reason or '')}</td>")
+            continue
+        now = fix.present
+        east, north, _ = now.position
+        sigma = now.sigma if now.sigma is not None else (None, None, None)
+        values = [
+            value_with_sigma(float(east), sigma[0], "m"),
+            value_with_sigma(float(north), sigma[1], "m"),
+            value_with_sigma(now.depth_m, sigma[2], "m"),
+            ""
+            if now.ellipse is None
+            else f"{now.ellipse.semi_major_m:.2g} × {now.ellipse.semi_minor_m:.2g} m",
+            "" if fix.converged else f"not believed: {fix.reason}",
+        ]
+        rows.append("".join(f"<td{CELL}>{html.escape(value)}</td>" for value in values))
+    cells = "".join(
+        f"<tr><td{CELL}>{html.escape(name)}</td>{row}</tr>" for name, row in zip(fixes, rows, strict=True)
+    )
+    titles = ("estimator", "east of first ping", "north", "depth", "95 % ellipse", "")
+    head = "".join(f"<td{CELL}>{title}</td>" for title in titles)
+    return f"<table><tr style='opacity:.75;text-align:left'>{head}</tr>{cells}</table>"
+
+
+def log_table(log: tuple[Step, ...]) -> str:
+    """The steps of a fix as an HTML table."""
+    rows = "".join(
+        f"<tr><td{CELL}>{html.escape(step.stage)}, {step.iteration}</td>"
+        f"<td{CELL}>{'' if step.rms_ms is None else f'{step.rms_ms:.4g} ms'}</td>"
+        f"<td{CELL}>{'' if step.step_m is None else f'{step.step_m:.2g} m'}</td><td>{step.pings}</td></tr>"
+        for step in log
+    )
+    return (
+        f"<table><tr style='opacity:.75;text-align:left'><td{CELL}>stage, iteration</td><td{CELL}>rms</td>"
+        f"<td{CELL}>moved</td><td>pings</td></tr>{rows}</table>"
+    )
+
+
+def edits_table(reasons: dict[int, str]) -> str:
+    """Pings left out by hand with their reasons, as HTML."""
+    if not reasons:
+        return "No ping is left out by hand."
+    rows = "".join(
+        f"<tr><td{CELL}>{number}</td><td>{html.escape(why) or 'no reason told'}</td></tr>"
+        for number, why in reasons.items()
+    )
+    return f"<table><tr style='opacity:.75'><td{CELL}>ping</td><td>left out because</td></tr>{rows}</table>"
 
 
 def position_texts(fix: BeaconFix) -> dict[str, str]:

@@ -4,21 +4,35 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pictures.study_views import StudyViews
+from dashboards.pictures.study_views import METHOD_NAMES, StudyViews
 from dashboards.tabs.tab import Results, Tab, alone, choice, number
 from trackerlib.commands.study import COLUMNS, one_row
-from trackerlib.simulation.hexagon import METHODS, SCENARIOS
-from trackerlib.simulation.study import SWEEPS, StudyPoint, study_points
+from trackerlib.simulation.hexagon import SCENARIOS, Scenario
+from trackerlib.simulation.study import STUDY_METHODS, SWEEPS, StudyPoint, study_points
 from trackerlib.textfiles import InputError
 
 SWEEP_NAMES = dict(zip(("number of experiments", "spacing of receptions"), SWEEPS, strict=True))
+OWN = 0  # a beacon of the analyst's own, among the numbers of scenarios
+SHORT = {"all-pings": "all", "thesis": "thesis", "usual": "usual"}  # for a narrow column
+MOST = 1000  # experiments or spacing
 FIRST_TRIALS = 100  # of the study that the tab opens with
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a study was run for."""
+
+    sweep: str
+    scenario: int  # OWN, or a row of Table 4-1
+    beacon: Scenario
+    gps_rms_m: float
 
 
 def scenario_name(number: int) -> str:
@@ -38,11 +52,18 @@ class MonteCarloTab(Tab):
         super().__init__(session, **params)
         self.views = StudyViews()
         self.rows: list[dict] = []
-        self.ran: tuple[str, int, float] = (SWEEPS[0], 2, 3.0)  # sweep, scenario, GPS rms of the rows
-        self.scenario = choice("Beacon", {scenario_name(k): k for k in SCENARIOS}, 2)
+        self.ran = Asked(SWEEPS[0], 2, SCENARIOS[2], 3.0)  # what the rows are of
+        self.scenario = choice("Beacon", {scenario_name(k): k for k in SCENARIOS} | {"one of my own": OWN}, 2)
+        self.place = numbers(
+            "Its east, north, up (m)", "0, 500, -1500", "From the hexagon's centre; up is negative"
+        )
+        self.velocity = numbers("Its velocity (m/s)", "0, 0, 0", "East, north, up; 0, 0, 0 lies still")
         self.sweep = choice("Sweep", SWEEP_NAMES, SWEEPS[0])
         self.methods = pmui.CheckBoxGroup(
-            label="Estimators", options=list(METHODS), value=list(METHODS), margin=(5, 8)
+            label="Estimators",
+            options={METHOD_NAMES[method]: method for method in STUDY_METHODS},
+            value=list(STUDY_METHODS),
+            margin=(5, 8),
         )
         self.gps = number(
             "Ship position rms (m)", 3.0, "Each of east and north, independent from ping to ping"
@@ -52,28 +73,40 @@ class MonteCarloTab(Tab):
             "Trials a point", FIRST_TRIALS, "Simulated surveys of each point; 1000 settle a ratio to 2 %"
         )
         self.every = number("Every n-th point", 5, "1: all 46 to 89 points of the thesis's sweep")
+        self.first = number("Sweep from", 5, "First number of experiments, or spacing", start=1)
+        self.last = number("Sweep to", 50, "Last number of experiments, or spacing", start=1)
+        self.held = number(
+            "Held at", 45, "Spacing while experiments are swept, and the other way round", start=1
+        )
         self.seed = number("Seed", 1, "The same seed gives the same trials")
         self.component = choice("Drawn", {"depth": "z", "east": "x", "north": "y"}, "z")
         self.component.param.watch(lambda event: self._draw(), "value")
         self.start = pmui.Button(label="Run", icon="play_arrow", size="small", margin=(6, 8))
         self.start.on_click(lambda event: self.run())
+        for widget in (self.scenario, self.sweep, self.velocity):
+            widget.param.watch(lambda event: self._grid_of_thesis(), "value")
+        self._grid_of_thesis()
         self.words = pn.pane.HTML(sizing_mode="stretch_width", margin=(6, 10), styles={"font-size": "14px"})
         self.table = Results()
 
     def controls(self):
         return [
             self.scenario,
+            self.place,
+            self.velocity,
             self.sweep,
             self.methods,
             self.gps,
-            self.speed,
             self.trials,
-            self.every,
+            self.component,
             self.start,
         ]
 
     def more(self):
-        return [self.component, self.seed]
+        return {
+            "Grid": [self.first, self.last, self.every, self.held],
+            "Ship and trials": [self.speed, self.seed],
+        }
 
     def picture(self):
         return pn.pane.Bokeh(self.views.error, sizing_mode="stretch_both", margin=0)
@@ -93,6 +126,30 @@ class MonteCarloTab(Tab):
 
     # -- the study -----------------------------------------------------------------------------
 
+    def beacon(self) -> Scenario:
+        """The beacon simulated; raises InputError for what makes no sense."""
+        if self.scenario.value != OWN:
+            return SCENARIOS[self.scenario.value]
+        place, velocity = three(self.place), three(self.velocity)
+        if not place[2] < 0:
+            raise InputError(
+                f"Its east, north, up: found {place[2]:g} m up; wanted it below the surface, less than 0"
+            )
+        return Scenario(place, velocity)
+
+    def _grid_of_thesis(self) -> None:
+        """Puts the thesis's own grid into the controls."""
+        own = self.scenario.value == OWN
+        self.place.visible = self.velocity.visible = own
+        try:
+            moving = self.beacon().moving
+        except InputError:
+            return  # told when the study is run
+        sweep = self.sweep.value
+        points = study_points((4 if moving else 1,), (sweep,), (3.0,), ("all-pings",))
+        held = points[0].spacing if sweep == "experiments" else points[0].experiments
+        self.first.value, self.last.value, self.held.value = points[0].abscissa, points[-1].abscissa, held
+
     def points(self) -> list[StudyPoint]:
         """The points that the controls ask for; raises InputError for what makes no sense."""
         if not self.methods.value or self.trials.value < 1 or self.every.value < 1 or not self.gps.value > 0:
@@ -102,24 +159,34 @@ class MonteCarloTab(Tab):
             )
         if not 0 < self.speed.value < 100:
             raise InputError(f"found a ship's speed of {self.speed.value} m/s; wanted more than 0, below 100")
-        every = study_points(
-            (self.scenario.value,), (self.sweep.value,), (self.gps.value,), self.methods.value
-        )
+        first, last, held = self.first.value, self.last.value, self.held.value
+        if not (1 <= first <= last <= MOST and 1 <= held <= MOST):
+            raise InputError(
+                f"found a sweep from {first} to {last}, held at {held}; wanted 1 to {MOST}, first to last"
+            )
+        by_count = self.sweep.value == "experiments"
         return [
-            point
+            StudyPoint(
+                self.scenario.value,
+                self.sweep.value,
+                turned if by_count else held,
+                held if by_count else turned,
+                self.gps.value,
+                method,
+            )
             for method in self.methods.value
-            for point in [one for one in every if one.method == method][:: self.every.value]
+            for turned in range(first, last + 1, self.every.value)
         ]
 
     def run(self) -> None:
         """Runs the study off the event loop and draws it; Cancel in the status line stops it."""
         try:
-            points = self.points()
+            points, beacon = self.points(), self.beacon()
         except InputError as error:
             self.session.report(error)
             return
-        how = (self.trials.value, self.seed.value, self.speed.value)
-        asked = (self.sweep.value, self.scenario.value, self.gps.value)
+        how = (self.trials.value, self.seed.value, self.speed.value, beacon)
+        asked = Asked(self.sweep.value, self.scenario.value, beacon, self.gps.value)
 
         def work(progress):
             rows = []
@@ -131,10 +198,10 @@ class MonteCarloTab(Tab):
         self.words.object = "Simulating…"
         self.session.jobs.start("Monte Carlo", work, lambda rows: self._show(rows, asked))
 
-    def _show(self, rows: list[dict], asked: tuple[str, int, float]) -> None:
+    def _show(self, rows: list[dict], asked: Asked) -> None:
         self.rows, self.ran = rows, asked
         names = {"depth": "z", "east": "x", "north": "y"}
-        if SCENARIOS[asked[1]].moving:
+        if asked.beacon.moving:
             names |= {"velocity up": "vz", "velocity east": "vx", "velocity north": "vy"}
         kept = self.component.value if self.component.value in names.values() else "z"
         self.component.param.update(options=names, value=kept)
@@ -143,9 +210,9 @@ class MonteCarloTab(Tab):
     def _draw(self) -> None:
         if not self.rows:
             return
-        sweep, component = self.ran[0], self.component.value
+        sweep, component = self.ran.sweep, self.component.value
         self.views.show(self.rows, sweep, component)
-        self.words.object = sentence(self.rows, self.ran[1], self.ran[2], component)
+        self.words.object = sentence(self.rows, self.ran, component)
         self.table.show(table(self.rows, sweep, component), 18, sortable=False)
 
     def export(self):
@@ -159,15 +226,35 @@ class MonteCarloTab(Tab):
         return "study.csv", text.getvalue()
 
 
-def sentence(rows: list[dict], scenario: int, gps_rms_m: float, component: str) -> str:
+def numbers(label: str, value: str, tip: str):
+    """Three numbers in one field."""
+    return pmui.TextInput(
+        label=label, value=value, description=tip, size="small", sizing_mode="stretch_width", margin=(5, 8),
+        visible=False,
+    )  # fmt: skip
+
+
+def three(field) -> tuple[float, float, float]:
+    """What such a field holds; raises InputError for anything but three numbers."""
+    try:
+        east, north, up = (float(part) for part in field.value.replace(";", ",").split(","))
+        if not np.isfinite([east, north, up]).all():
+            raise ValueError
+    except ValueError:
+        raise InputError(f"{field.label}: found {field.value!r}; wanted three numbers with commas") from None
+    return east, north, up
+
+
+def sentence(rows: list[dict], ran: Asked, component: str) -> str:
     """What a study came to, as a person would read it aloud, as HTML."""
-    words = [f"<b>Simulated:</b> beacon {scenario}, ship position {gps_rms_m:g} m."]
+    which = "of my own" if ran.scenario == OWN else str(ran.scenario)
+    words = [f"<b>Simulated:</b> beacon {which}, ship position {ran.gps_rms_m:g} m."]
     typical = {}
-    for method in METHODS:
+    for method, name in METHOD_NAMES.items():
         mine = [row for row in rows if row["method"] == method and row["converged"]]
         if not mine:
             if any(row["method"] == method for row in rows):
-                words.append(f"<b>{method}</b>: no fix converged; the geometry does not show the beacon.")
+                words.append(f"<b>{name}</b>: no fix converged; the geometry does not show the beacon.")
             continue
         ratio = np.array([row[f"rmse.{component}"] / row[f"crlb.{component}"] for row in mine])
         trials = sum(row["converged"] for row in mine)
@@ -175,14 +262,13 @@ def sentence(rows: list[dict], scenario: int, gps_rms_m: float, component: str) 
         share = trials / sum(row["trials"] for row in rows if row["method"] == method)
         typical[method] = float(np.median(ratio))
         words.append(
-            f"<b>{method}</b>: {typical[method]:.2f} times the bound in {component} (median of {len(mine)} points), "
+            f"<b>{name}</b>: {typical[method]:.2f} times the bound in {component} (median of {len(mine)} points), "
             f"the truth inside {100 * coverage:.1f} % of the stated 95 % ellipsoids, {100 * share:.1f} % converged."
         )
-    if len(typical) == 2:
-        gain = typical["thesis"] / typical["all-pings"]
-        words.append(
-            f"Using every ping is <b>{gain:.1f} times</b> as accurate as the thesis's chained pairs."
-        )
+    for method, worse in (("thesis", "the thesis's chained pairs"), ("usual", "the usual least squares")):
+        if {method, "all-pings"} <= set(typical):
+            gain = typical[method] / typical["all-pings"]
+            words.append(f"Using every ping is <b>{gain:.1f} times</b> as accurate as {worse}.")
     return " ".join(words)
 
 
@@ -190,7 +276,7 @@ def table(rows: list[dict], sweep: str, component: str) -> pd.DataFrame:
     """One row a point: error, efficiency and coverage."""
     return pd.DataFrame(
         {
-            "method": [row["method"] for row in rows],
+            "way": [SHORT[row["method"]] for row in rows],
             "n" if sweep == "experiments" else "K": [row[sweep] for row in rows],
             "error": [f"{row[f'rmse.{component}']:.3g}" for row in rows],
             "/bound": [f"{row[f'rmse.{component}'] / row[f'crlb.{component}']:.2f}" for row in rows],

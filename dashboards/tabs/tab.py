@@ -42,6 +42,7 @@ log = logging.getLogger("workbench")
 # Stylesheet of a small table.
 TABLE = (
     ":host .tabulator { font-size: 12px; } .tabulator-cell, .tabulator-col { padding: 2px 4px !important; }"
+    " .tabulator .tabulator-col .tabulator-col-content { padding: 2px 0 !important; }"
 )
 # An accordion's title as small as the controls above it.
 FOLDED = {
@@ -74,8 +75,8 @@ class Tab(Viewer):
         """Widgets at the left, at most nine."""
         return []
 
-    def more(self) -> list:
-        """Further widgets, folded away."""
+    def more(self) -> list | dict[str, list]:
+        """Further widgets, folded away; as a dict, in sections with these titles."""
         return []
 
     def picture(self):
@@ -129,9 +130,10 @@ class Tab(Viewer):
     def _build(self):
         left = [*self.controls()]
         if folded := self.more():
+            sections = folded if isinstance(folded, dict) else {"More": folded}
             left.append(
                 pmui.Accordion(
-                    ("More", pn.Column(*folded, margin=0)),
+                    *((title, pn.Column(*widgets, margin=0)) for title, widgets in sections.items()),
                     margin=(4, 0),
                     sizing_mode="stretch_width",
                     sx=FOLDED,

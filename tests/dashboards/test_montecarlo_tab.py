@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from dashboards.session import Session
-from dashboards.tabs.montecarlo import MonteCarloTab
+from dashboards.tabs.montecarlo import OWN, MonteCarloTab
 from trackerlib.commands.study import one_row
+from trackerlib.simulation.hexagon import SOUND_SPEED_MPS, TIME_RMS_S, Scenario, position_bound, sail_for
 from trackerlib.simulation.study import StudyPoint
 
 
@@ -20,7 +21,7 @@ def tab():
 
 def test_opening_runs_and_draws_a_study(tab):
     tab.activate()
-    assert {row["method"] for row in tab.rows} == {"all-pings", "thesis"}
+    assert {row["method"] for row in tab.rows} == {"all-pings", "thesis", "usual"}
     assert len(tab.views.curves["thesis"].data["abscissa"]) == 3
     assert "Simulated" in tab.words.object
     assert "times</b> as accurate" in tab.words.object
@@ -45,6 +46,37 @@ def test_a_moving_beacon_offers_its_velocity(tab):
     tab.scenario.value = 1
     tab.run()
     assert tab.component.value == "z"
+
+
+def test_a_beacon_and_a_grid_of_ones_own(tab):
+    tab.scenario.value = OWN
+    assert tab.place.visible
+    tab.place.value, tab.methods.value = "100, 200, -900", ["all-pings"]
+    tab.first.value, tab.last.value, tab.every.value, tab.held.value = 10, 20, 10, 30
+    tab.activate()
+    assert [(row["experiments"], row["spacing"]) for row in tab.rows] == [(10, 30), (20, 30)]
+    receptions = sail_for(Scenario((100.0, 200.0, -900.0)), 10, 30)
+    bound = position_bound(receptions, 3.0, SOUND_SPEED_MPS * TIME_RMS_S)
+    assert tab.rows[0]["crlb.z"] == pytest.approx(bound[2])
+    assert "of my own" in tab.words.object
+    tab.velocity.value = "0.1, 0, 0"
+    assert tab.held.value == 60
+    for wrong in ("1, 2", "a, b, c", "0, 0, 5", "0, 0, nan"):
+        tab.place.value = wrong
+        tab.run()
+        assert tab.session.failed
+        assert "wanted" in tab.session.message
+    tab.scenario.value = 1
+    assert not tab.place.visible
+
+
+def test_the_usual_least_squares_is_told_to_be_worse_at_25_m(tab):
+    tab.scenario.value, tab.gps.value, tab.methods.value = 1, 25.0, ["all-pings", "usual"]
+    tab.first.value, tab.last.value = 25, 25
+    tab.activate()
+    typical = {row["method"]: row["rmse.z"] / row["crlb.z"] for row in tab.rows}
+    assert typical["usual"] > 5 > 2 > typical["all-pings"]
+    assert "the usual least squares" in tab.words.object
 
 
 @pytest.mark.parametrize(

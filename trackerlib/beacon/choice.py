@@ -7,6 +7,7 @@ for score in compare_models(pings, usual_models(settings)):
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from trackerlib.beacon.motion import FREE_DIRECTIONS
 from trackerlib.beacon.paths import paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
-from trackerlib.beacon.settings import FixSettings
+from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
 
 FOLDS = 5
 BLOCKS = 20  # stretches of the survey that are held out together, dealt to the folds in turn
@@ -49,6 +50,32 @@ def usual_models(settings: FixSettings) -> dict[str, FixSettings]:
             settings, motion="still", estimate_sound_speed=True
         )
     return models
+
+
+def usual_estimators(settings: FixSettings) -> dict[str, FixSettings]:
+    """The same pings fixed in every way that the settings allow: estimators and models of the ship's errors."""
+    rms_m = settings.ship_rms_m or ASSUMED_SHIP_RMS_M
+    told = settings.gps_rms_m or rms_m
+    correlation_s = settings.gps_correlation_s or ASSUMED_SHIP_TIME_S
+    independent: dict[str, Any] = {"gps_rms_m": told, "gps_correlation_s": None}
+    ways: dict[str, dict[str, Any]] = {
+        "every ping, ship's error not known": {"gps_rms_m": None, "gps_correlation_s": None},
+        f"every ping, {rms_m:.3g} m independent": independent,
+        f"every ping, {rms_m:.3g} m over {correlation_s:g} s": independent
+        | {"gps_correlation_s": correlation_s},
+        f"usual least squares, {rms_m:.3g} m": independent | {"method": "least-squares"},
+    }
+    if not settings.emission_known and settings.motion in ("still", "free"):
+        ways[f"thesis's experiments, {rms_m:.3g} m"] = {
+            "method": "pairs",
+            "gps_rms_m": rms_m,
+            "gps_correlation_s": None,
+            "estimate_sound_speed": False,
+            "estimate_interval": False,
+            "estimate_interval_drift": False,
+            "antenna_sigma_m": (0.0, 0.0),
+        }
+    return {name: replace(settings, **({"method": "all-pings"} | changes)) for name, changes in ways.items()}
 
 
 def compare_models(pings: Pings, models: dict[str, FixSettings]) -> tuple[ModelScore, ...]:

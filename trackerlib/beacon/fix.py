@@ -44,7 +44,8 @@ def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
 
     Times may carry any unknown constant (unless settings.emission_known), and any number of whole intervals if
     settings.interval_s is told. Errors of ship position (settings.gps_rms_m) and of time are weighed together,
-    and the bias that noisy ship positions give is taken out; where gps_rms_m is None all pings weigh alike.
+    and the bias that noisy ship positions give is taken out (settings.method "least-squares" leaves it in, for
+    comparison); where gps_rms_m is None all pings weigh alike.
     Either way the scale of the errors is taken from the residuals. A moving beacon's position is that at the
     first ping (3-2); `BeaconFix.at` gives others.
     """

@@ -210,12 +210,9 @@ class LiveFix:
         """The fix of all pings so far, or the reason why there is none."""
         kept = min(self.count, KEPT)
         if self._theta is None:
-            if self._first is not None and not self._first.converged:
-                return self._first
-            blank = fix_beacon(self._as_pings(kept), self.settings)
-            return replace(
-                blank, reason=f"{self.count} pings; {blank.reason or 'not yet tried'}", converged=False
-            )
+            if self._first is not None:
+                return replace(self._first, converged=False, reason=self.reason)
+            return fix_beacon(self._as_pings(kept), self.settings)  # fewer than a first try needs
         theta, sums = self._theta.copy(), self._sums.copy()
         gps, time = self._variances()
         _absorb(  # the last pings, whose neighbours after them have not come yet

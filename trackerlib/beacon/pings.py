@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
+
+
+@dataclass(frozen=True)
+class Ping:
+    """One reception, as a reader hands it on the moment it is known."""
+
+    number: int  # its stable name
+    lat_deg: float
+    lon_deg: float
+    travel_time_s: float  # one-way travel time plus any constant
+    clock_s: float  # seconds of the clock that all pings of the hunt share
+    up_m: float = 0.0  # of the hydrophone above the sea surface
+    utc: np.datetime64 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +79,43 @@ class Pings:
         return replace(
             self, clock_s=clock, heading_rad=heading, **{name: getattr(self, name)[keep] for name in _COLUMNS}
         )
+
+
+class PingLog:
+    """Pings kept as they come, the newest `most` of them.
+
+    log.add(ping)
+    log.pings()
+    """
+
+    def __init__(self, source: str = "", simulated: bool = False, most: int = 1 << 17):
+        self.source, self.simulated = source, simulated
+        self.count = 0  # pings added, kept or not
+        self._rows: deque[Ping] = deque(maxlen=most)
+        self._pings: Pings | None = None
+
+    def add(self, ping: Ping) -> None:
+        """Keeps one more ping, and lets go of the oldest where there are too many."""
+        self._rows.append(ping)
+        self.count += 1
+        self._pings = None
+
+    def pings(self) -> Pings:
+        """Those kept, in the order in which they came."""
+        if self._pings is None:
+            rows = self._rows
+            self._pings = Pings(
+                number=np.array([ping.number for ping in rows], np.int64),
+                lat_deg=np.array([ping.lat_deg for ping in rows], float),
+                lon_deg=np.array([ping.lon_deg for ping in rows], float),
+                up_m=np.array([ping.up_m for ping in rows], float),
+                travel_time_s=np.array([ping.travel_time_s for ping in rows], float),
+                utc=np.array(["NaT" if ping.utc is None else ping.utc for ping in rows], "datetime64[ms]"),
+                clock_s=np.array([ping.clock_s for ping in rows], float),
+                source=self.source,
+                simulated=self.simulated,
+            )
+        return self._pings
 
 
 _COLUMNS = ("number", "lat_deg", "lon_deg", "up_m", "travel_time_s", "utc")

@@ -12,7 +12,9 @@ from trackerlib.beacon.motion import MOTIONS
 # Antenna lever arm, age of the position and the receiver's own wander, where nobody says better.
 ASSUMED_SHIP_RMS_M = 5.0
 ASSUMED_SHIP_TIME_S = 60.0
-METHODS = ("all-pings", "pairs")  # every reception; the thesis's experiments
+# Every reception; the thesis's experiments; every reception by the usual weighted least squares, which noisy ship
+# positions bias.
+METHODS = ("all-pings", "pairs", "least-squares")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,7 @@ class FixSettings:
         False  # the interval told is nearly right; its error is estimated with the place
     )
     estimate_interval_drift: bool = False  # and its steady change
-    method: str = "all-pings"  # or "pairs": the thesis's experiments
+    method: str = "all-pings"  # one of METHODS
     experiments: int | None = None  # pairs: how many; None: as many as there are
     spacing: int | None = (
         None  # pairs: receptions from the first of a pair to the second; None: the thesis's least

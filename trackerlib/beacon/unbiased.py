@@ -34,12 +34,13 @@ class Unbiased:
 def unbiased(attempt: Attempt, candidate: Candidate) -> Unbiased:
     """The candidate's state without the bias that noisy ship positions give, where it matters and can be found.
 
-    Unknown noise, a bias below NO_BIAS and equations that come to rest nowhere keep the state as it is.
+    The usual least squares, unknown noise, a bias below NO_BIAS and equations that come to rest nowhere keep the
+    state as it is.
     """
     problem, state = attempt.problem.only(candidate.keep), candidate.position
     order = np.argsort(problem.share, kind="stable")
     problem = problem.only(order)
-    if not problem.gps_rms_m.any():
+    if not problem.gps_rms_m.any() or attempt.settings.method == "least-squares":
         return Unbiased(state)
     weight = attempt.weight(candidate)[:, candidate.keep][:, order]
     misfit = problem.eliminate(state[None], weight)

@@ -39,7 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("pings", type=Path, metavar="PINGS", help="csv of pings, or a survey log of the SIO or WHOI kind")
     add("--format", choices=LAYOUTS, default="auto", help="layout of the file (default: look at it)")
     add("--transponder", metavar="NAME", help="which one, where a csv holds several")
-    add("--method", choices=METHODS, default=METHODS[0], help="every ping, or the thesis's experiments")
+    add(
+        "--method",
+        choices=METHODS,
+        default=METHODS[0],
+        help="every ping, the thesis's experiments, or usual least squares",
+    )
     add("--experiments", type=int, metavar="N", help="pairs: how many (default: as many as there are)")
     add("--spacing", type=int, metavar="K", help="pairs: receptions from first to second (default: thesis's)")
     add("--step", type=int, metavar="J", help="pairs: receptions from one pair to the next (default: K)")

@@ -15,11 +15,12 @@ import pandas as pd
 
 from trackerlib.commands.montecarlo import use_workers
 from trackerlib.simulation.figures import draw_study
-from trackerlib.simulation.hexagon import METHODS, SCENARIOS
+from trackerlib.simulation.hexagon import METHODS, SCENARIOS, Scenario
 from trackerlib.simulation.report import write_report
 from trackerlib.simulation.study import (
     COMPONENTS,
     GPS_RMS_M,
+    STUDY_METHODS,
     SWEEPS,
     StudyPoint,
     flat,
@@ -46,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--scenarios", type=_list(int), default=tuple(SCENARIOS), metavar="1,..,6")
     add("--sweeps", type=_list(str), default=SWEEPS, metavar=",".join(SWEEPS))
     add("--gps-rms-m", type=_list(float), default=GPS_RMS_M, metavar="3,25")
-    add("--methods", type=_list(str), default=METHODS, metavar=",".join(METHODS))
+    add("--methods", type=_list(str), default=METHODS, metavar=",".join(STUDY_METHODS))
     add("--trials", type=int, required=True, metavar="M", help="at each point")
     add("--seed", type=int, required=True, metavar="S")
     add("--speed-mps", type=float, default=5.0, metavar="C", help="of the ship (default 5)")
@@ -96,10 +97,12 @@ def run(args: argparse.Namespace) -> dict:
     }
 
 
-def one_row(point: StudyPoint, trials: int, seed: int, speed_mps: float) -> dict:
-    """One point as a row of study.csv."""
+def one_row(
+    point: StudyPoint, trials: int, seed: int, speed_mps: float, beacon: Scenario | None = None
+) -> dict:
+    """One point as a row of study.csv; a beacon of one's own takes the place of the scenario's."""
     begin = time.perf_counter()
-    row = asdict(point) | flat(summary(run_study_point(point, trials, seed, speed_mps)))
+    row = asdict(point) | flat(summary(run_study_point(point, trials, seed, speed_mps, beacon)))
     return row | {"seed": seed, "speed_mps": speed_mps, "seconds": round(time.perf_counter() - begin, 4)}
 
 

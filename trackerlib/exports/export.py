@@ -46,17 +46,19 @@ def export_fix(
     *,
     pings: Pings | None = None,
     settings: FixSettings | None = None,
+    reasons: dict[int, str] | None = None,
 ) -> None:
     """Writes a fix, refused or not, in the layout that the suffix of `path` says; whole or not at all.
 
     layout : one of LAYOUTS, where a suffix has several (.gpx is GPX 1.1 unless it is "gpx-1.0")
     pings : what the fix was made from; without them a file has no times
     settings : what the fix was made with, for the HTML report
+    reasons : why pings were left out by hand, by their number, for the CSV and the HTML report
     Raises InputError for a suffix or layout that is not known, or a file that cannot be written.
     """
     path = Path(path)
     write = _writer(path, layout)
-    record = FixRecord(fix, pings, settings)
+    record = FixRecord(fix, pings, settings, reasons or {})
     part = path.with_name(path.name + ".part")
     try:
         write(record, part)

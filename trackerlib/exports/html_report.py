@@ -35,8 +35,10 @@ def fix_html(record: FixRecord) -> str:
         parts += ["<h2>Residuals</h2>", _residuals(record)]
     if record.settings is not None:
         parts += ["<h2>Settings</h2>", _table(_settings(record.settings))]
-    left_out = ", ".join(map(str, record.fix.rejected)) or "none"
-    parts += ["<h2>Pings left out</h2>", f"<p>{html.escape(left_out)}</p>"]
+    parts += [
+        "<h2>Pings left out</h2>",
+        _table(_left_out(record)) if len(record.fix.rejected) else "<p>none</p>",
+    ]
     parts.append(f"<p>{html.escape(record.provenance)}</p>")
     title = html.escape(record.title)
     return (
@@ -55,6 +57,14 @@ def _positions(record: FixRecord) -> list[tuple[str, str]]:
     if -80 <= place[0] <= 84:
         rows.append(("UTM", utm(*place)))
     return rows
+
+
+def _left_out(record: FixRecord) -> list[tuple[str, str]]:
+    """Reasons, each with the numbers of its pings."""
+    numbers: dict[str, list[str]] = {}
+    for number, why in record.left_out_because.items():
+        numbers.setdefault(why, []).append(str(number))
+    return [(why, ", ".join(listed)) for why, listed in numbers.items()]
 
 
 def _settings(settings: FixSettings) -> list[tuple[str, str]]:

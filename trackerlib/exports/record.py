@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
 import numpy as np
@@ -40,6 +40,7 @@ class FixRecord:
     fix: BeaconFix
     pings: Pings | None = None  # without them no times are known
     settings: FixSettings | None = None
+    reasons: dict[int, str] = field(default_factory=dict)  # why pings were left out by hand
 
     def __post_init__(self):
         if self.pings is not None and not np.array_equal(self.pings.number, self.fix.number):
@@ -74,6 +75,17 @@ class FixRecord:
         if self.fix.residual_s is None:
             return np.full(len(self.fix.number), np.nan)
         return 1e3 * self.fix.residual_s
+
+    @property
+    def left_out_because(self) -> dict[int, str]:
+        """Why each ping that was left out was, by its number: what the analyst told, or that it does not fit."""
+        by_hand = frozenset() if self.settings is None else self.settings.left_out
+        return {
+            int(number): self.reasons.get(int(number)) or "left out by hand"
+            if number in by_hand or number in self.reasons
+            else "does not fit"
+            for number in self.fix.rejected
+        }
 
     @property
     def survey_times(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from trackerlib.exports.antimeridian import cut_line, cut_ring
 from trackerlib.exports.record import FixRecord, Place, utc_text
 
-COLUMNS = ("ping", "utc", "lat_deg", "lon_deg", "up_m", "oneway_s", "residual_ms", "used")
+COLUMNS = ("ping", "utc", "lat_deg", "lon_deg", "up_m", "oneway_s", "residual_ms", "used", "left_out_because")
 
 
 def fix_geojson(record: FixRecord) -> str:
@@ -37,6 +37,7 @@ def pings_csv(record: FixRecord) -> str:
     rows = csv.writer(table, lineterminator="\n")
     rows.writerow(COLUMNS)
     lat, lon, depth = record.ship
+    because = record.left_out_because
     for k, number in enumerate(record.fix.number):
         rows.writerow(
             (
@@ -48,6 +49,7 @@ def pings_csv(record: FixRecord) -> str:
                 _cell(record.travel_time_s[k], 9),
                 _cell(record.residual_ms[k], 6),
                 int(record.fix.used[k]),
+                because.get(int(number), ""),
             )
         )
     return table.getvalue()

@@ -14,7 +14,7 @@ import pandas as pd
 from trackerlib.simulation.hexagon import SCENARIOS
 
 FIRST_FIGURE = {1: (3, 11), 2: (19, 27), 3: (35, 43), 4: (51, 67), 5: (83, 99), 6: (115, 131)}
-COLOURS = {"all-pings": "#0072b2", "thesis": "#d55e00"}
+COLOURS = {"all-pings": "#0072b2", "thesis": "#d55e00", "usual": "#009e73"}
 MARKS = {3.0: "x", 25.0: "o"}  # the thesis's own
 Panel = tuple[
     str, tuple[tuple[str, str], ...], float | None

@@ -9,6 +9,7 @@ Everything made here is simulated.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -192,24 +193,35 @@ def position_bound(receptions: Receptions, gps_rms_m: float, range_rms_m: float)
     return np.sqrt(np.diag(np.linalg.inv(scaled)) / scale**2)[:components]
 
 
+def noisy_surveys(
+    receptions: Receptions, gps_rms_m: float, trials: int, seed: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Ship positions (B, N, 3) as its GPS gave them and ranges (B, N) with an unknown constant, BATCH at a time.
+
+    Raises ValueError for fewer than one trial.
+    """
+    if trials < 1:
+        raise ValueError(f"found {trials} trials; wanted at least 1")
+    rng = np.random.default_rng(seed)
+    for first in range(0, trials, BATCH):
+        count = min(BATCH, trials - first)
+        ship = np.repeat(receptions.ship[None], count, axis=0)
+        ship[:, :, :2] += rng.normal(0, gps_rms_m, (count, len(receptions.ship), 2))
+        ranges = receptions.range_m + rng.normal(0, SOUND_SPEED_MPS * TIME_RMS_S, ship.shape[:2])
+        ranges += SOUND_SPEED_MPS * rng.uniform(-1, 1, (count, 1))  # the emission offset, never known
+        yield ship, ranges
+
+
 def run_trials(receptions: Receptions, gps_rms_m: float, trials: int, seed: int) -> Trials:
     """Fixes of many simulated surveys that differ in their noise only, every reception used.
 
     gps_rms_m : ship position error, each of east and north
     Raises ValueError for fewer than one trial.
     """
-    if trials < 1:
-        raise ValueError(f"found {trials} trials; wanted at least 1")
-    rng = np.random.default_rng(seed)
     range_rms = SOUND_SPEED_MPS * TIME_RMS_S
     moving = receptions.scenario.moving
     parts: list[SquaredRangeFixes] = []
-    for first in range(0, trials, BATCH):
-        count = min(BATCH, trials - first)
-        ship = np.repeat(receptions.ship[None], count, axis=0)
-        ship[:, :, :2] += rng.normal(0, gps_rms_m, (count, len(receptions.ship), 2))
-        ranges = receptions.range_m + rng.normal(0, range_rms, ship.shape[:2])
-        ranges += SOUND_SPEED_MPS * rng.uniform(-1, 1, (count, 1))  # the emission offset, never known
+    for ship, ranges in noisy_surveys(receptions, gps_rms_m, trials, seed):
         parts.append(
             fix_squared_range(ship, ranges, receptions.emitted_s, gps_rms_m, range_rms, moving=moving)
         )
@@ -263,6 +275,20 @@ def run_pair_trials(receptions: Receptions, spacing: int, gps_rms_m: float, tria
     )
 
 
+def sail_for(
+    beacon: Scenario, experiment_count: int, spacing: int, speed_mps: float = 5.0, start_vertex: int = 4
+) -> Receptions:
+    """As many pings of a beacon as so many chained experiments need.
+
+    Raises ValueError for a count or spacing below one.
+    """
+    if experiment_count < 1 or spacing < 1:
+        raise ValueError(
+            f"found {experiment_count} experiments at spacing {spacing}; wanted at least 1 of each"
+        )
+    return _sailed(beacon, experiment_count * spacing + 1, speed_mps, start_vertex)
+
+
 def run_point(
     scenario: int,
     experiment_count: int,
@@ -278,15 +304,18 @@ def run_point(
 
     Raises ValueError for a count or spacing below one and for an unknown scenario or method.
     """
-    if experiment_count < 1 or spacing < 1:
-        raise ValueError(
-            f"found {experiment_count} experiments at spacing {spacing}; wanted at least 1 of each"
-        )
-    if not gps_rms_m > 0:
-        raise ValueError(f"found a ship position error of {gps_rms_m:g} m; wanted more than 0")
     if scenario not in SCENARIOS or method not in METHODS:
         raise ValueError(f"found scenario {scenario}, method {method}; wanted 1 to 6, one of {METHODS}")
-    receptions = _sailed(SCENARIOS[scenario], experiment_count * spacing + 1, speed_mps, start_vertex)
+    receptions = sail_for(SCENARIOS[scenario], experiment_count, spacing, speed_mps, start_vertex)
+    return run_method(receptions, spacing, gps_rms_m, trials, seed, method)
+
+
+def run_method(
+    receptions: Receptions, spacing: int, gps_rms_m: float, trials: int, seed: int, method: str
+) -> Trials:
+    """Trials of one survey by an estimator of METHODS. Raises ValueError for a ship without position error."""
+    if not gps_rms_m > 0:
+        raise ValueError(f"found a ship position error of {gps_rms_m:g} m; wanted more than 0")
     if method == "thesis":
         return run_pair_trials(receptions, spacing, gps_rms_m, trials, seed)
     return run_trials(receptions, gps_rms_m, trials, seed)

@@ -13,8 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackerlib.simulation.hexagon import METHODS, SCENARIOS, Trials, run_point
+from trackerlib.simulation.hexagon import (
+    METHODS,
+    SCENARIOS,
+    Scenario,
+    Trials,
+    run_method,
+    sail_for,
+)
+from trackerlib.simulation.usual import run_usual_trials
 
+STUDY_METHODS = (*METHODS, "usual")  # and weighted least squares as it is usually done, on request
 COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
 SWEEPS = ("experiments", "spacing")
 GPS_RMS_M = (3.0, 25.0)
@@ -41,14 +50,14 @@ def study_points(
     scenarios: Sequence[int] = tuple(SCENARIOS),
     sweeps: Sequence[str] = SWEEPS,
     gps_rms_m: Sequence[float] = GPS_RMS_M,
-    methods: Sequence[str] = METHODS,
+    methods: Sequence[str] = METHODS,  # some of STUDY_METHODS
 ) -> list[StudyPoint]:
     """Every point of the study, curve after curve: 1590 a method in the whole of chapter IV.
 
     Still: 5 to 50 experiments at spacing 45, spacings 2 to 90 of 25; moving: 10 to 50 at 60, 2 to 90 of 30.
     Raises ValueError for an unknown scenario, sweep or method.
     """
-    for found, wanted in ((scenarios, SCENARIOS), (sweeps, SWEEPS), (methods, METHODS)):
+    for found, wanted in ((scenarios, SCENARIOS), (sweeps, SWEEPS), (methods, STUDY_METHODS)):
         unknown = [one for one in found if one not in wanted]
         if unknown or not found:
             raise ValueError(f"found {unknown or 'nothing'}; wanted some of {', '.join(map(str, wanted))}")
@@ -68,18 +77,18 @@ def _grid(moving: bool, sweep: str) -> Iterable[tuple[int, int]]:
     return ((30 if moving else 25, k) for k in range(2, 91))
 
 
-def run_study_point(point: StudyPoint, trials: int, seed: int, speed_mps: float = 5.0) -> Trials:
-    """The trials of one point, the same that `montecarlo` makes."""
-    return run_point(
-        point.scenario,
-        point.experiments,
-        point.spacing,
-        point.gps_rms_m,
-        trials,
-        seed,
-        point.method,
-        speed_mps,
-    )
+def run_study_point(
+    point: StudyPoint, trials: int, seed: int, speed_mps: float = 5.0, beacon: Scenario | None = None
+) -> Trials:
+    """The trials of one point, the same that `montecarlo` makes.
+
+    beacon : one of one's own, in the place of the point's scenario
+    """
+    beacon = SCENARIOS[point.scenario] if beacon is None else beacon
+    receptions = sail_for(beacon, point.experiments, point.spacing, speed_mps)
+    if point.method == "usual":
+        return run_usual_trials(receptions, point.gps_rms_m, trials, seed)
+    return run_method(receptions, point.spacing, point.gps_rms_m, trials, seed, point.method)
 
 
 def summary(trials: Trials) -> dict:

@@ -11,13 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackerlib.beacon.squared_range import fix_squared_range
 from trackerlib.simulation.hexagon import (
     SOUND_SPEED_MPS,
     TIME_RMS_S,
     Receptions,
     Scenario,
+    Trials,
+    noisy_surveys,
     position_bound,
+    run_trials,
     sail_hexagon,
 )
 
@@ -35,53 +37,63 @@ class Comparison:
     bound_m: np.ndarray  # (3,)
 
 
-def fix_usual(ship, ranges, epochs, gps_rms_m: float, range_rms_m: float, start, moving: bool) -> np.ndarray:
-    """Position and velocity (P - 1,) by weighted least squares from a start, its weights renewed at each step."""
-    state = np.array(start, float)
+def fix_usual(ship, ranges, epochs, gps_rms_m: float, range_rms_m: float, start, moving: bool):
+    """Weighted least squares from a start, its weights renewed at each step, of many surveys at once.
+
+    ship : (T, N, 3) [m]; ranges : (T, N) [m] with any constant; epochs : (N,) [s]
+    Returns position and velocity (T, P), the covariance it states (T, P, P), and whether it came to rest (T,).
+    """
+    state = np.repeat(np.array(start, float)[None], len(ship), axis=0)
     for _ in range(STEPS):
-        place = state[:3] + (epochs[:, None] * state[3:] if moving else 0.0)
+        place = state[:, None, :3] + (epochs[:, None] * state[:, None, 3:] if moving else 0.0)
         offset = place - ship
-        distance = np.linalg.norm(offset, axis=1)
-        slope = offset / distance[:, None]
-        weight = 1 / (range_rms_m**2 + gps_rms_m**2 * np.sum(slope[:, :2] ** 2, axis=1))
+        distance = np.linalg.norm(offset, axis=2)
+        slope = offset / distance[:, :, None]
+        weight = 1 / (range_rms_m**2 + gps_rms_m**2 * np.sum(slope[:, :, :2] ** 2, axis=2))
         if moving:
-            slope = np.hstack([slope, epochs[:, None] * slope])
-        slope = slope - weight @ slope / weight.sum()
+            slope = np.concatenate([slope, epochs[:, None] * slope], axis=2)
+        total = weight.sum(axis=1, keepdims=True)
+        slope = slope - (np.einsum("tn,tnk->tk", weight, slope) / total)[:, None]
         miss = ranges - distance
-        miss = miss - weight @ miss / weight.sum()
-        scale = np.linalg.norm(slope, axis=0)
-        scaled = slope / scale
-        step = np.linalg.lstsq(scaled * np.sqrt(weight)[:, None], miss * np.sqrt(weight), rcond=None)[0]
-        state += step / scale
-    return state
+        miss = miss - np.einsum("tn,tn->t", weight, miss)[:, None] / total
+        scale = np.linalg.norm(slope, axis=1)[:, None]
+        slope = slope / scale
+        weighted = slope * weight[:, :, None]
+        inverse = np.linalg.pinv(weighted.transpose(0, 2, 1) @ slope, rcond=1e-13, hermitian=True)
+        pull = (weighted.transpose(0, 2, 1) @ miss[:, :, None])[:, :, 0]
+        step = np.einsum("tkl,tl->tk", inverse, pull) / scale[:, 0]
+        state += step
+    covariance = inverse / (scale.transpose(0, 2, 1) * scale)
+    return state, covariance, np.abs(step).max(axis=1) < 1e-3
+
+
+def run_usual_trials(receptions: Receptions, gps_rms_m: float, trials: int, seed: int) -> Trials:
+    """Fixes by the usual least squares of the surveys that `run_trials` fixes, started at the truth."""
+    found = [
+        fix_usual(
+            ship, ranges, receptions.emitted_s, gps_rms_m, SOUND_SPEED_MPS * TIME_RMS_S, receptions.truth,
+            receptions.scenario.moving,
+        )
+        for ship, ranges in noisy_surveys(receptions, gps_rms_m, trials, seed)
+    ]  # fmt: skip
+    estimate, covariance, converged = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    bound = position_bound(receptions, gps_rms_m, SOUND_SPEED_MPS * TIME_RMS_S)
+    return Trials(receptions, estimate, covariance, converged & np.isfinite(bound).all(), bound)
 
 
 def compare(receptions: Receptions, gps_rms_m: float, trials: int, seed: int) -> Comparison:
     """Bias and error of the usual fix and of ours on the same surveys; the usual one is started at the truth."""
-    rng = np.random.default_rng(seed)
-    range_rms = SOUND_SPEED_MPS * TIME_RMS_S
-    moving = receptions.scenario.moving
-    ship = np.repeat(receptions.ship[None], trials, axis=0)
-    ship[:, :, :2] += rng.normal(0, gps_rms_m, (trials, len(receptions.ship), 2))
-    ranges = receptions.range_m + rng.normal(0, range_rms, ship.shape[:2])
-    truth = receptions.truth
-    usual = [
-        fix_usual(ship[k], ranges[k], receptions.emitted_s, gps_rms_m, range_rms, truth, moving)[:3]
-        - truth[:3]
-        for k in range(trials)
-    ]
-    ours = fix_squared_range(ship, ranges, receptions.emitted_s, gps_rms_m, range_rms, moving=moving)
-    found = ours.estimate[ours.converged, :3] - truth[:3]
-    bound = position_bound(receptions, gps_rms_m, range_rms)[:3]
+    ours = run_trials(receptions, gps_rms_m, trials, seed)
+    usual = run_usual_trials(receptions, gps_rms_m, trials, seed)
+    bound = ours.bound[:3]
 
-    def worst(errors) -> tuple[float, float]:
-        errors = np.asarray(errors)
+    def worst(errors: np.ndarray) -> tuple[float, float]:
         if not len(errors):
             return np.nan, np.nan
         bias = np.abs(errors.mean(axis=0)) / bound
         return float(bias.max()), float((np.sqrt(np.mean(errors**2, axis=0)) / bound).max())
 
-    return Comparison(*worst(usual), *worst(found), bound)
+    return Comparison(*worst(usual.errors[:, :3]), *worst(ours.errors[:, :3]), bound)
 
 
 def bias_over_depth(depths_m, gps_rms_m, trials: int, seed: int, receptions: int = 601) -> np.ndarray:

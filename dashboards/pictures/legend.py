@@ -1,0 +1,41 @@
+"""Legends inside a picture; a click on an entry hides what it names."""
+
+from __future__ import annotations
+
+import numpy as np
+from bokeh.models import Legend, LegendItem
+
+LEGEND = {
+    "location": "top_left",
+    "click_policy": "hide",
+    "label_text_font_size": "11px",
+    "label_height": 14,
+    "spacing": 0,
+    "padding": 4,
+    "glyph_height": 14,
+    "background_fill_alpha": 0.7,
+}
+
+
+def style_legend(fig) -> None:
+    """A small legend inside the picture; a click hides what it names."""
+    for name, value in LEGEND.items():
+        setattr(fig.legend, name, value)
+
+
+def legend_entry(fig, label: str, shown: list, *, line: bool = False, visible: bool = True, **mark):
+    """A legend entry with a mark of its own; a click on it hides or shows the renderers it stands for.
+
+    line : the mark is a piece of line, not a dot
+    The mark stands for itself because Bokeh draws the legend of a data-coloured renderer from its data,
+    and fails when these grow fewer or are none.
+    """
+    drawn = fig.line if line else fig.scatter
+    mark = drawn([np.nan], [np.nan], **mark)
+    for renderer in shown:
+        mark.js_link("visible", renderer, "visible")
+    if not fig.legend:
+        fig.add_layout(Legend())
+    entry = LegendItem(label=label, renderers=[mark], visible=visible)
+    fig.legend[0].items.append(entry)
+    return entry
