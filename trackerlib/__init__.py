@@ -4,7 +4,7 @@ Rooms, and who may lean on whom (left to right only):
 
     textfiles, compiled, frames, positions, rounding, residuals     on numpy, numba, pyproj alone
     acoustics                sound-speed profiles, rays, absorption, noise of the sea
-    receiver                 from sound to marks on paper; the receiver's SAIL protocol
+    receiver                 from sound to marks on paper; what the receiver says on its line
     crossover, beacon        matched tracks of two arrays; a beacon's fix
     timing                   offset and drift, on crossover and acoustics
     rangefiles, surveyfiles  files in and out, of whatever type they build

@@ -15,9 +15,12 @@ import os
 import shutil
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
+
+import llvmlite.binding
 
 
 def _cache_folder() -> Path | None:
@@ -53,6 +56,12 @@ if not os.environ.get("NUMBA_CACHE_DIR") and (_folder := _cache_folder()):
     os.environ["NUMBA_CACHE_DIR"] = str(_folder)
 
 import numba  # noqa: E402
+from numba.core import config  # noqa: E402
+
+# LLVM keeps to half the width of AVX-512, as the first of these processors slowed down at all of it.
+if config.CPU_FEATURES is None:  # type: ignore[attr-defined]
+    _features = llvmlite.binding.get_host_cpu_features().flatten()
+    config.CPU_FEATURES = f"{_features},-prefer-256-bit"  # type: ignore[attr-defined]
 
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
@@ -68,9 +77,21 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.receiver.report_receiver",
     "trackerlib.receiver.demodulation",
     "trackerlib.receiver.chains",
+    "trackerlib.rangefiles.record_scan",
+    "trackerlib.crossover.gate_scan",
+    "trackerlib.crossover.repeats",
 )
 
 _warm_ups: list[Callable[[], object]] = []
+
+
+def in_threads(work: Callable, jobs: Sequence[tuple]) -> list:
+    """Results of `work(*job)` for every job, in order; kernels hold no GIL and run side by side."""
+    threads = min(len(jobs), os.cpu_count() or 1)
+    if threads < 2:
+        return [work(*job) for job in jobs]
+    with ThreadPoolExecutor(threads, thread_name_prefix="kernels") as pool:
+        return list(pool.map(lambda job: work(*job), jobs))
 
 
 def warms(function: Callable[[], object]) -> Callable[[], object]:

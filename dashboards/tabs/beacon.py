@@ -96,12 +96,12 @@ class BeaconTab(Tab):
         for widget in (self.across, self.up):
             widget.param.watch(lambda event: self._show_beside(), "value")
         self._panes = {
-            "History": _fill(self.history.figure),
+            "History": pn.Column(_fill(self.history.figure), sizing_mode="stretch_both", margin=0),
             "Contours": pn.Row(
                 _fill(self.contours.figure), pn.Column(self.across, self.up, width=130, margin=0),
                 sizing_mode="stretch_both", margin=0,
             ),
-            "Iterations": _fill(self.iterations.figure),
+            "Iterations": pn.Column(_fill(self.iterations.figure), sizing_mode="stretch_both", margin=0),
             "Estimators": self.models.panel(),
         }  # fmt: skip
         for name, pane in self._panes.items():
@@ -125,10 +125,10 @@ class BeaconTab(Tab):
             settings.estimator,
             settings.motion,
             settings.ship_errors,
-            pn.Row(settings.gps, settings.correlation, margin=0),
+            settings.gps,
             settings.water,
             settings.sound_speed,
-            pn.Row(self.leg.button, self.models.button, margin=0),
+            self.leg.button,
         ]
 
     def more(self):
@@ -137,7 +137,7 @@ class BeaconTab(Tab):
             "Edits": self.edits.controls(),
             "Replay": [self.speed, pn.Row(self.at_once, self.history_button, margin=0)],
             "Sound and ship": [
-                settings.speed_sigma, settings.fit_speed, settings.hydrophone, *settings.antenna,
+                settings.correlation, settings.speed_sigma, settings.fit_speed, settings.hydrophone, *settings.antenna,
             ],
             "Times": [
                 settings.reject, settings.emission, settings.sample, settings.interval, settings.fit_interval,
@@ -261,10 +261,8 @@ class BeaconTab(Tab):
     def _show_beside(self) -> None:
         """What was chosen to stand beside the residuals."""
         chosen, fix = self.beside.value, self.session.fix
-        for (
-            name,
-            pane,
-        ) in self._panes.items():  # hidden, not taken out: what is drawn meanwhile must find its figure
+        # Hidden, not taken out: what is drawn meanwhile must find its figure.
+        for name, pane in self._panes.items():
             pane.visible = name == chosen
         if fix is None or self._quiet:
             return

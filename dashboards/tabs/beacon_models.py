@@ -26,7 +26,13 @@ class SideBySide:
     def panel(self):
         """Both tables."""
         return pn.Column(
-            self.estimators, self.motions, scroll="y", sizing_mode="stretch_both", min_height=0, margin=0
+            self.button,
+            self.estimators,
+            self.motions,
+            scroll="y",
+            sizing_mode="stretch_both",
+            min_height=0,
+            margin=0,
         )
 
     def clear(self) -> None:

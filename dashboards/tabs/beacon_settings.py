@@ -165,7 +165,7 @@ class FixControls:
     def _show_ship_errors(self, settings: FixSettings) -> None:
         known, correlated = settings.gps_rms_m is not None, settings.gps_correlation_s is not None
         self.ship_errors.value = "correlated" if correlated else "white" if known else "unknown"
-        self.gps.visible, self.correlation.visible = known, correlated
+        self.gps.visible, self.correlation.disabled = known, not correlated
         if known:
             axes = settings.gps_axes_m
             self.gps.value = f"{axes[0]:g}" if axes[0] == axes[1] else f"{axes[0]:g}, {axes[1]:g}"

@@ -44,6 +44,7 @@ log = logging.getLogger("workbench")
 # Stylesheet of a small table.
 TABLE = (
     ":host .tabulator { font-size: 12px; } .tabulator-cell, .tabulator-col { padding: 2px 4px !important; }"
+    " .tabulator .tabulator-col .tabulator-col-content { padding: 2px 0 !important; }"
 )
 # An accordion's title as small as the controls above it.
 FOLDED = {

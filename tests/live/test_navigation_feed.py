@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import socket
-import time
 
 import pytest
+from waiting import until
 
 from trackerlib.live.hunt import one_clock
 from trackerlib.live.navigation_feed import NavigationFeed
@@ -15,15 +15,6 @@ from trackerlib.live.ports import UdpPort, open_port
 from trackerlib.live.session_file import SessionFile, raw_of, read_session
 from trackerlib.receiver.periods import Period
 from trackerlib.receiver.sail import Maximum
-
-
-def until(condition, seconds=10.0):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 def gga(clock, quality=1):

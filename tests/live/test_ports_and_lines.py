@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import pty
 import socket
-import threading
+import subprocess
+import sys
 import time
 
 import pytest
+from waiting import until
 
 from trackerlib.live.line_reader import LineReader, LineSplitter
 from trackerlib.live.ports import PortError, SerialPort, TcpPort, UdpPort, open_port
@@ -17,14 +19,15 @@ from trackerlib.live.raw_log import RawLog, read_day
 NOON, MIDNIGHT = 1_780_315_200.0, 1_780_358_400.0  # 2026-06-01 12:00 and 2026-06-02 00:00 UTC
 
 
-def until(condition, seconds=10.0):
-    """Waits for a condition; whether it came true."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
+# Another process, so that the app that is blocked does not block it.
+SENDING = """
+import socket, sys, time
+out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+began = time.monotonic()
+for k in range(2000):
+    time.sleep(max(0.0, began + k * 1e-3 - time.monotonic()))
+    out.sendto(b"$GPXXX,%05d," % k + b"x" * 60 + b"\\r\\n", ("127.0.0.1", int(sys.argv[1])))
+"""
 
 
 def free_port(kind=socket.SOCK_STREAM):
@@ -54,18 +57,9 @@ def test_at_1_khz_of_udp_lines_none_is_lost_while_the_app_is_blocked(reading, tm
     reader = reading(UdpPort(number), RawLog(tmp_path, "nav"))
     assert until(lambda: reader.status.state == "connected")
     sent = [f"$GPXXX,{k:05d},{'x' * 60}" for k in range(2000)]
-
-    def send():
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-            began = time.monotonic()
-            for k, text in enumerate(sent):
-                time.sleep(max(0.0, began + k * 1e-3 - time.monotonic()))
-                out.sendto(text.encode() + b"\r\n", ("127.0.0.1", number))
-
-    sender = threading.Thread(target=send)
-    sender.start()
+    sender = subprocess.Popen([sys.executable, "-c", SENDING, str(number)])
     got = []
-    while sender.is_alive():
+    while sender.poll() is None:
         blocked = time.monotonic()
         while time.monotonic() - blocked < 0.5:  # the app thinks, and does not let go
             sum(range(2000))

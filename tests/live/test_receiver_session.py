@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import threading
-import time
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from waiting import until
 
 from trackerlib.beacon.fix import FixSettings, fix_beacon
 from trackerlib.beacon.navigation import pings_of_stream, ship_at_receptions
 from trackerlib.live.hunt import hunt_of, strongest
 from trackerlib.live.ports import open_port
 from trackerlib.live.raw_log import RawLog
-from trackerlib.live.receiver_session import ReceiverSession, ReceiverSettings, WallClock
+from trackerlib.live.receiver_session import PollingSettings, ReceiverSession, WallClock
 from trackerlib.live.session_file import SessionFile, raw_of, read_session
 from trackerlib.receiver.sail import ReceiverParameters
 from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS
@@ -52,16 +52,6 @@ def served_line(kind, hunt, clock, faults=()):
     return line, TcpLine(line, "127.0.0.1", 0) if kind == "tcp" else PtyLine(line)
 
 
-def until(condition, seconds=20.0):
-    """Waits for a condition; whether it came true."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
-
-
 def fix_of(arrivals, fixes, gps_rms_m, motion="still"):
     """The beacon from a hunt, as any caller would have it."""
     rows = strongest(arrivals, LEAST_LEVEL)
@@ -89,26 +79,26 @@ def surprise(fix, hunt, position):
     [("tcp", (), 1e-3, LATE), ("pty", ("clock", "gain-step"), 1.0005e-3, NOON)],
 )
 def test_from_receiver_to_fix_over_the_line(tmp_path, kind, faults, sample_interval_s, began_s):
-    clock = StepClock(began_s, until_s=1000.0)
+    clock = StepClock(began_s, until_s=600.0)
     hunt = SimulatedHunt(SCENARIOS[2], seed=11)
     _, served = served_line(kind, hunt, clock, faults)
-    settings = ReceiverSettings(sample_interval_s=sample_interval_s, poll_s=0.43, position_every_s=0.8)
+    settings = PollingSettings(sample_interval_s=sample_interval_s, poll_s=0.87, position_every_s=1.6)
     path = tmp_path / "hunt.session"
     with served, SessionFile(path) as file:
         session = ReceiverSession(
             open_port(served.address), settings, file, RawLog(tmp_path / "raw", "sail"), clock, quiet_s=5
         )
         session.start()
-        assert clock.done.wait(60)
+        assert clock.done.wait(100)
         session.stop()
     status = session.status
     assert (status.missed, status.uncertain, status.faults, status.words) == (0, 0, 0, "")
-    assert status.periods > 490
+    assert status.periods > 290
     arrivals, fixes = session.hunt()
     assert np.isfinite(arrivals.attenuation_db).all()
     fix, pings = fix_of(arrivals, fixes, hunt.gps_rms_m)
     assert fix.converged, fix.reason
-    assert len(pings) > 490
+    assert len(pings) > 290
     assert surprise(fix, hunt, SCENARIOS[2].position) < 0.995
     # The file gives the same chart, and holds every byte that the day files hold.
     again, placed = hunt_of(read_session(path))
@@ -133,7 +123,7 @@ def live(tmp_path):
         served.start()
         file = SessionFile(tmp_path / "live.session")
         session = ReceiverSession(
-            open_port(served.address), ReceiverSettings(**settings), file, clock=clock, quiet_s=0.3
+            open_port(served.address), PollingSettings(**settings), file, clock=clock, quiet_s=0.3
         )
         session.start()
         opened.append((session, served, file))
@@ -199,7 +189,7 @@ def test_knobs_refuse_what_the_receiver_cannot_do(live):
     with pytest.raises(ValueError, match="wanted one of"):
         session.set_baud(1000)
     with pytest.raises(ValueError, match="sample_interval_s"):
-        ReceiverSettings(sample_interval_s=1.0)
+        PollingSettings(sample_interval_s=1.0)
 
 
 def test_a_line_that_is_pulled_and_put_back_goes_on_counting(live):
@@ -235,13 +225,13 @@ def test_a_receiver_that_was_reset_is_told_everything_again(live):
 def test_arrivals_of_a_line_full_of_faults_are_never_of_a_wrong_period(tmp_path):
     clock = StepClock(until_s=120.0)
     hunt = SimulatedHunt(SCENARIOS[2], seed=3)
-    _, served = served_line("tcp", hunt, clock, ("stop", "parity", "echo", "no-fix"))
+    _, served = served_line("tcp", hunt, clock, ("parity", "echo", "no-fix"))
     with served:
         session = ReceiverSession(
-            open_port(served.address), ReceiverSettings(poll_s=0.43), clock=clock, quiet_s=0.04
+            open_port(served.address), PollingSettings(poll_s=0.43), clock=clock, quiet_s=5
         )
         session.start()
-        assert clock.done.wait(60)
+        assert clock.done.wait(100)
         session.stop()
     assert session.status.faults > 5
     arrivals, fixes = session.hunt()

@@ -11,6 +11,7 @@ import sys
 import time
 
 import pytest
+from waiting import until
 
 from trackerlib.live.hunt import hunt_of
 from trackerlib.live.navigation_stream import Fix
@@ -41,13 +42,6 @@ for k in range(100_000):
 
 def period(k, heard_s=0.0):
     return Period(k, heard_s, (Maximum(2000, 100 + k), Maximum(500, 900)), 3.0 if k % 2 else math.nan, 2000)
-
-
-def wait_for(condition, seconds=10.0):
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.02)
-    return condition()
 
 
 def test_what_was_added_is_read_back(tmp_path):
@@ -122,7 +116,7 @@ def test_a_reader_sees_a_file_that_is_still_written(tmp_path):
     with SessionFile(tmp_path / "s", commit_s=0.02) as file:
         for k in range(3):
             file.add_period(1, period(k))
-            assert wait_for(lambda n=k: len(read_session(tmp_path / "s").runs.get(1, ())) == n + 1)
+            assert until(lambda n=k: len(read_session(tmp_path / "s").runs.get(1, ())) == n + 1)
 
 
 def test_a_disk_that_fills_is_said_and_nothing_is_lost_once_there_is_room(tmp_path, monkeypatch):
@@ -133,10 +127,10 @@ def test_a_disk_that_fills_is_said_and_nothing_is_lost_once_there_is_room(tmp_pa
         file._database.execute(f"PRAGMA max_page_count = {pages + 2}")
         for k in range(50):
             file.add_raw("sail", float(k), bytes([k]) * 1000)
-        assert wait_for(lambda: file.trouble is not None)
+        assert until(lambda: file.trouble is not None)
         assert "the disk is full" in file.trouble
         file._database.execute("PRAGMA max_page_count = 1000000")
-        assert wait_for(lambda: file.trouble is None)
+        assert until(lambda: file.trouble is None)
     assert [data[0] for _, _, data in raw_of(path)] == list(range(50))
     assert file.lost_rows == 0
 

@@ -44,7 +44,7 @@ def test_times_are_as_good_as_brute_force(snr_db):
 @pytest.mark.parametrize(("snr_db", "least_found"), [(10, 0.12), (12, 0.5), (14, 0.9), (20, 1), (30, 1)])
 def test_stated_sigma_is_true(snr_db, least_found):
     rng = np.random.default_rng(100 + snr_db)
-    interval_s, count = 0.3, 1200 if snr_db > 10 else 4000
+    interval_s, count = 0.3, 1200 if snr_db > 10 else 3000
     begin_s = (np.arange(count) + 0.5 + rng.uniform(-0.1, 0.1, count)) * interval_s
     found, _ = listen(detector(interval_s, maxima=1), recording(rng, begin_s, snr_db, count * interval_s))
     error = found.arrival_s - begin_s[found.period]

@@ -37,7 +37,7 @@ def misfit_surface(
 ) -> MisfitSurface:
     """How chi-square rises about a fix in two coordinates of it at mid-survey, the others following.
 
-    half_widths : of the grid [m, m/s]; None: six standard errors
+    half_widths : of the grid [m, m/s]; None: six standard errors of what chi-square knows
     Residual correlation divides chi-square, so a rise of 6.0 bounds 95 % in two dimensions. A survey of many pings
     is thinned and its chi-square scaled up. Raises ValueError for a fix without a place or an uncertainty, and for
     names that are not two of COORDINATES that this motion leaves free.
@@ -58,21 +58,24 @@ def misfit_surface(
     axes = [COORDINATES.index(name) for name in names]
     # What a component of the state [m] is shown as: depth counts down, velocities are per second.
     shown = np.array([1.0, 1.0, -1.0, *3 * [1 / motion.half_s]])[axes]
-    sigma = _sigma_at_middle(fix, motion)[axes] if half_widths is None else np.array(half_widths) / 6
+    weight = np.nan_to_num(problem.relative_weight(problem.times(state[None])[1]))
+    here = problem.eliminate(state[None], weight)
+    variance = max(here.sum_of_squares[0] / max(len(chosen) - problem.unknowns, 1), problem.time_sigma_s**2)
+    variance *= fix.uncertainty.correlation.length / share
+    inverse = np.linalg.pinv(here.normal_matrix(problem.axes)[0], rcond=1e-15, hermitian=True)
+    spread = np.sqrt(variance * np.diag(problem.axes.T @ inverse @ problem.axes))[axes]
+    sigma = spread * np.abs(shown) if half_widths is None else np.array(half_widths) / 6
     steps = np.linspace(-6.0, 6.0, cells)
     grids = [state[axis] * shown[k] + steps * sigma[k] for k, axis in enumerate(axes)]
     states = np.repeat(state[None], cells * cells, axis=0)
     across, up = np.meshgrid(*grids)
     states[:, axes[0]], states[:, axes[1]] = across.ravel() / shown[0], up.ravel() / shown[1]
     others = problem.axes[~np.any(problem.axes[:, axes] != 0, axis=1)]
-    gradient = problem.times(state[None])[1]
-    weight = np.repeat(np.nan_to_num(problem.relative_weight(gradient)), len(states), axis=0)
+    weight = np.repeat(weight, len(states), axis=0)
     if len(others):
         states, _ = descend(problem, states, weight, steps=ROUNDS, axes=others)
     squares = problem.eliminate(states, weight).sum_of_squares
-    here = problem.eliminate(state[None], weight[:1]).sum_of_squares[0]
-    variance = max(here / max(len(chosen) - problem.unknowns, 1), problem.time_sigma_s**2)
-    rise = share * (squares - squares.min()) / variance / fix.uncertainty.correlation.length
+    rise = (squares - squares.min()) / variance
     return MisfitSurface(names, grids[0], grids[1], rise.reshape(cells, cells))
 
 
@@ -80,12 +83,6 @@ def free_coordinates(kind: str) -> tuple[str, ...]:
     """Those of COORDINATES that a motion, one of MOTIONS, leaves free."""
     free = np.flatnonzero(np.any(FREE_DIRECTIONS[kind] != 0, axis=0))
     return tuple(COORDINATES[k] for k in free)
-
-
-def _sigma_at_middle(fix: BeaconFix, motion: Motion) -> np.ndarray:
-    """Standard errors of place [m] in the middle of a survey, and of velocity [m/s] if it moves."""
-    place = np.sqrt(np.diag(fix.at(motion.middle_s)[1]))
-    return np.concatenate([place, fix.uncertainty.sigma[3:]])
 
 
 def influence(pings: Pings, fix: BeaconFix, settings: FixSettings) -> np.ndarray:

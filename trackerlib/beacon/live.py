@@ -54,13 +54,9 @@ class LiveFix:
             raise ValueError("a live fix is for every ping and a motion still or free")
         if settings.emission_known or settings.interval_s is not None:
             raise ValueError("a live fix is for an unknown emission time and times that are not folded")
-        if (
-            settings.estimate_sound_speed
-            or settings.gps_correlation_s is not None
-            or any(settings.antenna_sigma_m)
-        ):
+        if settings.estimate_sound_speed or settings.gps_correlation_s or any(settings.antenna_sigma_m):
             raise ValueError(
-                "a live fix is for a known speed of sound and ship errors independent from ping to ping"
+                "a live fix estimates no speed of sound and knows white errors of the ship alone"
             )
         self.frame, self.settings = frame, settings
         self.count = 0

@@ -6,15 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from trackerlib.beacon.advice import leg_that_helps
 from trackerlib.beacon.attempt import TYPICAL_DEPTH_M, Attempt, Candidate
 from trackerlib.beacon.minimise import descend
 from trackerlib.beacon.motion import FREE_DIRECTIONS
 from trackerlib.beacon.paths import depth_below_surface
 from trackerlib.beacon.result import BeaconFix
+from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M
 
 FEWEST_CHANGES = 8  # pairs of pings from which impossible times are told
 DRIFTING_LENGTH = 3.0  # residuals that count as one, from which a still beacon's motion is looked for
 MANY_TIMES = 10  # pings for every unknown: residuals this alike are then no want of pings
+OTHER_LEG = 0.3  # of the slant range: a leg that tells places apart
 SLOWEST_MPS = 0.02  # below this a beacon is not said to move
 MOVING_SHARE = 0.4  # of the still fit's squares: a drift that leaves less shows that the beacon moves
 
@@ -54,17 +57,29 @@ def objection(attempt: Attempt, best, fix, unseen, others) -> str | None:
     if why := _moves(attempt, best, fix):
         return why
     if unseen:
-        return unseen[-1].why
+        noise_s = np.hypot(fix.uncertainty.noise_s, _assumed_noise(attempt))
+        return f"{unseen[-1].why}: {leg_that_helps(attempt.problem.only(best.keep), best.position[None], noise_s)}"
     if not best.settled:
         return "the search did not come to rest; check the speed of sound and the times"
     if others:
+        other_leg = max(100 * round(OTHER_LEG * attempt.problem.slant_range(best.position) / 100), 100)
         return (
             f"{len(others)} other place{'s' if len(others) > 1 else ''} fit about as well; "
-            "turn by 60 degrees or more and sail on to tell them apart"
+            f"to tell them apart turn by 60 degrees or more and sail {other_leg:.0f} m"
         )
     if not _as_steep_as_stated(attempt, best, fix):
-        return "the misfit is flatter than its ellipse says, so no honest sigma can be given; sail further"
+        leg = leg_that_helps(
+            attempt.problem.only(best.keep), best.position[None], 2 * fix.uncertainty.noise_s
+        )
+        return f"the misfit is flatter than its ellipse says, so no honest sigma can be given; {leg}"
     return None
+
+
+def _assumed_noise(attempt: Attempt) -> float:
+    """Error of a time [s] that a ship position of unknown error adds."""
+    if attempt.settings.gps_rms_m is not None:
+        return 0.0
+    return ASSUMED_SHIP_RMS_M / attempt.problem.paths.mean_speed(TYPICAL_DEPTH_M)
 
 
 def _no_standard_error(attempt: Attempt, fix: BeaconFix) -> str:

@@ -6,13 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from trackerlib.beacon.attempt import Attempt, Candidate
+from trackerlib.beacon.advice import leg_that_helps
+from trackerlib.beacon.attempt import TYPICAL_DEPTH_M, Attempt, Candidate
 from trackerlib.beacon.minimise import robust_descent, settle
 from trackerlib.beacon.observability import UNSEEN_SHARE, StraightTrack, unseen_beside_line
 from trackerlib.beacon.result import BeaconFix
+from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M
 from trackerlib.residuals import residual_correlation
 
-UNREACHABLE = "no ray through this profile reaches any place in the search region"
+UNREACHABLE = (
+    "no ray through this profile reaches any place in the search region; check it, or widen the region"
+)
 
 
 def fix_on_a_line(attempt: Attempt, track: StraightTrack) -> BeaconFix:
@@ -40,9 +44,13 @@ def fix_on_a_line(attempt: Attempt, track: StraightTrack) -> BeaconFix:
     ):
         why = f"{unseen[0].why}; the line is too short yet to tell even the distance, so sail on as well"
         return replace(attempt.blank, reason=why, unobservable=unseen)
+    noise_s = np.hypot(lowest.noise_s, ASSUMED_SHIP_RMS_M / attempt.problem.paths.mean_speed(TYPICAL_DEPTH_M))
+    leg = leg_that_helps(
+        attempt.problem, np.array([candidate.position for candidate in pair]), float(noise_s)
+    )
     return replace(
         attempt.describe(lowest),
-        reason=unseen[0].why,
+        reason=f"{unseen[0].why}: {leg}",
         position=None,
         lat_deg=None,
         lon_deg=None,

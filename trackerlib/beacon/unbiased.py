@@ -12,7 +12,7 @@ import numpy as np
 
 from trackerlib.beacon.attempt import Attempt, Candidate
 from trackerlib.beacon.minimise import Misfit, Problem
-from trackerlib.beacon.neighbours import smooth_track
+from trackerlib.beacon.neighbours import shared_errors, smooth_track
 from trackerlib.beacon.squared_range import NEIGHBOURS, fix_squared_range
 
 NEIGHBOUR_SHARE = 0.1  # of the slant range: farther than this, neighbours say little of the ship's place
@@ -94,10 +94,11 @@ def _by_squared_ranges(
             problem.ship[None],
             (distance + speed * (problem.time - offset - travel_time))[None],
             problem.share,
-            scale * float(np.sqrt(np.mean(problem.gps_rms_m**2))),
+            (scale * float(problem.gps_rms_m[0]), scale * float(problem.gps_rms_m[1])),
             scale * problem.time_sigma_s * usual,
             moving=attempt.motion.moving,
             neighbours=neighbours,
+            correlation_s=_correlation(attempt),
         )
         if not found.converged[0]:
             return None
@@ -116,6 +117,7 @@ def _by_instruments(
 ) -> Unbiased | None:
     """By the same equations for any motion and any linear unknowns; None where they come to rest nowhere."""
     smooth = smooth_track(np.ascontiguousarray(problem.ship), problem.share, neighbours)
+    shared = shared_errors(problem.share, neighbours, _correlation(attempt))
     beside = replace(problem, ship=np.column_stack([smooth, problem.ship[:, 2]]))
     noise = np.append((scale * problem.gps_rms_m) ** 2, (scale * problem.time_sigma_s) ** 2)
     linear, still = misfit.linear[0], np.zeros(len(problem.axes))
@@ -126,10 +128,12 @@ def _by_instruments(
         near, near_slope, _, near_speed = _slopes(beside, state, linear)
         longer = speed * (problem.time - distance / speed - columns @ linear[: columns.shape[1]])
         miss = -2 * distance * longer - longer**2 - noise[:2].sum() + noise[2] * speed**2
-        weight = 1 / _variance(problem.places(state[None])[0] - beside.ship, near, near_speed, noise)
+        offset = problem.places(state[None])[0] - beside.ship
+        weight = 1 / _variance(offset, near, near_speed, noise)
         instrument = weight[:, None] * near_slope
         normal = instrument.T @ slope + np.diag(pull)
         right = -instrument.T @ miss - pull * np.concatenate([still, linear])
+        right[: len(still)] += _common(problem, 4 * (weight * shared)[:, None] * offset[:, :2] * noise[:2])
         if not (np.isfinite(normal).all() and np.isfinite(right).all()):
             return None
         step = np.linalg.lstsq(normal, right, rcond=1e-15)[0]
@@ -142,6 +146,19 @@ def _by_instruments(
             inside = problem.region.edge(state) is None and state[2] < problem.ship[:, 2].max()
             return Unbiased(state, inverse @ (instrument.T @ near_slope) @ inverse.T) if inside else None
     return None
+
+
+def _correlation(attempt: Attempt) -> float:
+    """Correlation time of the ship's position errors, in halves of the survey; 0 for errors that have none."""
+    return (attempt.settings.gps_correlation_s or 0.0) / attempt.motion.half_s
+
+
+def _common(problem: Problem, mean: np.ndarray) -> np.ndarray:
+    """What correlated errors add to the equations of the free directions on average; mean (n, 2) east, north."""
+    level = np.column_stack([mean, np.zeros(len(mean))])
+    if problem.axes.shape[1] > 3:
+        level = np.hstack([level, problem.share[:, None] * level])
+    return problem.axes @ level.sum(axis=0)
 
 
 def _variance(offset: np.ndarray, distance: np.ndarray, speed: np.ndarray, noise: np.ndarray) -> np.ndarray:

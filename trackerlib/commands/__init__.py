@@ -17,7 +17,18 @@ import numpy as np
 
 from trackerlib.textfiles import InputError
 
-COMMANDS = ("gate", "timing", "constancy", "fix", "plan", "montecarlo", "study", "listen", "emulate-receiver")
+COMMANDS = (
+    "gate",
+    "timing",
+    "correct",
+    "constancy",
+    "fix",
+    "plan",
+    "montecarlo",
+    "study",
+    "listen",
+    "emulate-receiver",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -22,6 +22,7 @@ import serial
 RECEIVE_BUFFER_BYTES = 4 << 20  # asked of the system for UDP: a second or more of a busy line
 CHUNK = 1 << 16
 CONNECT_S = 5.0
+SERIAL_STEP_S = 0.02  # of waiting for a first byte: to change the device's own timeout is slow
 
 
 class PortError(OSError):
@@ -105,18 +106,21 @@ class SerialPort:
         """Opens the device. Raises PortError if it is missing, taken or forbidden."""
         self.close()
         try:
-            self._serial = serial.Serial(self.name, self.baud, timeout=0, write_timeout=2, exclusive=True)
+            self._serial = serial.Serial(
+                self.name, self.baud, timeout=SERIAL_STEP_S, write_timeout=2, exclusive=True
+            )
         except (serial.SerialException, OSError, ValueError) as error:
             raise PortError(f"{self.name}: {_serial_words(error, self.name)}") from None
 
     def read(self, timeout_s: float) -> bytes:
         """What has come. Raises PortError if the cable was pulled."""
         opened = self._opened()
+        until = time.monotonic() + timeout_s
         try:
-            if opened.timeout != timeout_s:
-                opened.timeout = timeout_s
-            first = opened.read(1)
-            return first + opened.read(min(opened.in_waiting, CHUNK)) if first else b""
+            while not (first := opened.read(1)):
+                if time.monotonic() >= until:
+                    return b""
+            return first + opened.read(min(opened.in_waiting, CHUNK))
         except (serial.SerialException, OSError, TypeError) as error:
             self.close()
             raise PortError(f"{self.name}: the device is gone ({error}); is the cable in?") from None
@@ -177,16 +181,16 @@ class _SocketPort:
         """What has come. Raises PortError once the other end is gone."""
         opened = self._opened()
         try:
-            if not select.select([opened], [], [], timeout_s)[0]:
-                return b""
-            data = opened.recv(CHUNK)
+            data = _received(opened)
+            if data is None and select.select([opened], [], [], timeout_s)[0]:
+                data = _received(opened)
         except (OSError, ValueError) as error:
             self.close()
             raise PortError(f"{self.name}: the connection broke ({_words(error)})") from None
-        if not data and not self.datagrams:
+        if data == b"" and not self.datagrams:
             self.close()
             raise PortError(f"{self.name}: the other end closed the connection")
-        return data
+        return data or b""
 
     def set_baud(self, baud: int) -> None:
         """Nothing: a network has no rate."""
@@ -201,6 +205,14 @@ class _SocketPort:
         if self._socket is None:
             raise PortError(f"{self.name}: not open")
         return self._socket
+
+
+def _received(opened: socket.socket) -> bytes | None:
+    """What has come to a socket that does not wait; None if nothing has."""
+    try:
+        return opened.recv(CHUNK)
+    except BlockingIOError:
+        return None
 
 
 class TcpPort(_SocketPort):
@@ -218,15 +230,19 @@ class TcpPort(_SocketPort):
         except OSError as error:
             raise PortError(f"{self.name}: cannot connect ({_words(error)})") from None
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        opened.setsockopt(
-            socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1
-        )  # a pulled network cable shows in the end
+        # With this a pulled network cable shows in the end.
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        opened.setblocking(False)
         self._socket = opened
 
     def write(self, data: bytes) -> None:
         """Sends all of it."""
+        opened = self._opened()
         try:
-            self._opened().sendall(data)
+            while data:
+                if not select.select([], [opened], [], CONNECT_S)[1]:
+                    raise TimeoutError
+                data = data[opened.send(data) :]
         except OSError as error:
             self.close()
             raise PortError(f"{self.name}: the connection broke ({_words(error)})") from None
@@ -254,6 +270,7 @@ class UdpPort(_SocketPort):
                 member = socket.inet_aton(self.group) + socket.inet_aton("0.0.0.0")
                 opened.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
             opened.bind(("", self.port))
+            opened.setblocking(False)
         except OSError as error:
             opened.close()
             raise PortError(f"{self.name}: cannot listen ({_words(error)})") from None

@@ -1,6 +1,6 @@
 """What is asked of receiver and GPS, in which order, and what is done when they do not answer. No thread here.
 
-    poller = ReceiverPoller(host, ReceiverSettings(), time.time, keeper)
+    poller = ReceiverPoller(host, PollingSettings(), time.time, keeper)
     poller.look_afresh()
     while True: poller.step()
 
@@ -27,7 +27,7 @@ SILENT_PERIODS, SILENT_ANSWERS = 4.5, 8  # without a buffer, after which the rec
 
 
 @dataclass(frozen=True)
-class ReceiverSettings:
+class PollingSettings:
     """What the receiver is told, and how it is asked; ValueError names a setting that makes no sense."""
 
     parameters: ReceiverParameters = field(default_factory=ReceiverParameters)
@@ -76,7 +76,7 @@ class ReceiverPoller:
     def __init__(
         self,
         host: SailHost,
-        settings: ReceiverSettings,
+        settings: PollingSettings,
         now: Callable[[], float],
         keeper: Keeper,
         runs: int = 0,

@@ -1,6 +1,6 @@
 """A hunt as it comes in: a thread that polls receiver and GPS on one SAIL line, and keeps all it hears.
 
-    session = ReceiverSession(open_port("/dev/ttyUSB0"), ReceiverSettings(sample_interval_s=1.0005e-3),
+    session = ReceiverSession(open_port("/dev/ttyUSB0"), PollingSettings(sample_interval_s=1.0005e-3),
                               SessionFile(Path("hunt.session")), RawLog(Path("raw"), "sail"))
     session.start()
     news = session.poll()                 # what came since the last call, for the app
@@ -28,7 +28,7 @@ from trackerlib.live.hunt import one_clock
 from trackerlib.live.navigation_stream import Fix
 from trackerlib.live.ports import Port, PortError
 from trackerlib.live.raw_log import RawLog
-from trackerlib.live.receiver_poller import ReceiverPoller, ReceiverSettings
+from trackerlib.live.receiver_poller import PollingSettings, ReceiverPoller
 from trackerlib.live.sail_host import SailHost
 from trackerlib.live.session_file import SessionFile
 from trackerlib.receiver.arrivals import Arrivals
@@ -102,7 +102,7 @@ class ReceiverSession:
     def __init__(
         self,
         port: Port,
-        settings: ReceiverSettings | None = None,
+        settings: PollingSettings | None = None,
         file: SessionFile | None = None,
         raw_log: RawLog | None = None,
         clock: WallClock | None = None,
@@ -111,7 +111,7 @@ class ReceiverSession:
         self.file, self.raw_log, self.clock = file, raw_log, clock or WallClock()
         self._host = SailHost(port, self._hear, quiet_s)
         runs = file.runs if file is not None else 0
-        self._poller = ReceiverPoller(self._host, settings or ReceiverSettings(), self.clock.now, self, runs)
+        self._poller = ReceiverPoller(self._host, settings or PollingSettings(), self.clock.now, self, runs)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._lock = threading.Lock()
@@ -126,7 +126,7 @@ class ReceiverSession:
         self._began_s = self._late_s = math.nan  # when the run began by the host's clock; how late positions come
 
     @property
-    def settings(self) -> ReceiverSettings:
+    def settings(self) -> PollingSettings:
         """What the receiver is told."""
         return self._poller.settings
 
@@ -270,7 +270,7 @@ class ReceiverSession:
         said = self._host.type(text)
         return said if isinstance(said, Fault) else self._poller.look_afresh()
 
-    def _use(self, settings: ReceiverSettings) -> None:
+    def _use(self, settings: PollingSettings) -> None:
         self._poller.settings = settings
         self._keep_settings()
 

@@ -18,9 +18,7 @@ SIGNAL = 7.0  # power over the mean of noise
 TAIL = 30.0  # log likelihood below the best that no longer matters
 SHARE = 0.95  # of the posterior that 1.96 sigma hold
 SPREAD = 1.959964
-OVERSHOOT = (
-    2.5  # of the greatest log likelihood above the signal-to-noise ratio: 1 anywhere, 3/2 as the greatest
-)
+OVERSHOOT = 2.5  # of the greatest log likelihood above the signal-to-noise ratio: 1 and, as the greatest, 3/2
 
 
 @compiled

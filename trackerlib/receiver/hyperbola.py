@@ -167,7 +167,7 @@ def fit_pass(
 
 
 class _Hyperbola:
-    """Residuals of t0, T - fold, s0, R and C, the last two measured in the leg's length and the known speed."""
+    """Weighted residuals for t0, T - fold, s0, R and what C differs from the speed told."""
 
     def __init__(self, marks: Marks, leg: _Leg, speed: float, sigma_speed: float, sigma_interval: float):
         self.time_s = marks.unfolded_s()
@@ -208,7 +208,7 @@ def _covariance(solution: optimize.OptimizeResult, marks: int) -> np.ndarray:
     Errors of the ship's position count in full in `sigma_s`, but only their share towards the beacon, which is
     unknown, moves a mark; so the residuals set the scale where there are enough of them.
     """
-    scale = np.sum(solution.fun[:marks] ** 2) / max(marks - 4, 1)
+    scale = max(np.sum(solution.fun[:marks] ** 2) / (marks - 4), 1e-9)
     if marks < ENOUGH:
         scale = max(scale, 1.0)
     jacobian = solution.jac / np.append(np.full(marks, np.sqrt(scale)), [1.0, 1.0])[:, None]

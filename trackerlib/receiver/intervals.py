@@ -18,7 +18,6 @@ from trackerlib.receiver.chains import best_chain
 
 LEAST_SHARE = 0.5  # of its pings that a train must show to be found
 LEAST_SURPRISE = 40.0  # minus log probability that chance makes a chain: takes about a dozen pings
-
 BEND = 2e-4  # greatest change of the interval looked for, relative, a second: a turn, or a pass at 85 m
 PATIENCE = 60  # pings missed in a row after which a train has ended
 

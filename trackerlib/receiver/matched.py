@@ -19,9 +19,6 @@ from trackerlib.receiver.cells import CellStream, MatchedFilter
 NOISE_CELLS = 200  # pulse lengths of sound that a noise level rests on
 NOISE_SHARE = 0.75  # of them that it uses, the weakest: up to a quarter may hold pulses
 FEWEST_CELLS = 8  # of a stream that is searched at all
-OVERSHOOT = (
-    2.5  # of the greatest log likelihood above the signal-to-noise ratio: 1 at any place, 3/2 as the greatest
-)
 QUIETEST = 1e-7  # noise of digital silence, rms a sample over full scale
 NOTHING = joined([])
 
@@ -30,7 +27,8 @@ def threshold(false_alarm: float, kept: int) -> float:
     """Power over estimated noise that noise alone exceeds with probability `false_alarm`.
 
     Powers of noise are exponentially distributed and independent; the noise is the mean of a censored sample, from
-    its `kept` smallest, which is gamma distributed: the probability is (1 + T / kept)^-kept, exactly.
+    its `kept` smallest, which is gamma distributed: the probability is (1 + T / kept)^-kept. That is exact for a cell
+    outside the sample; the detector's cells are in or astride it, which makes it true to some 6 % (`detection_curve`).
     """
     return kept * (false_alarm ** (-1 / kept) - 1)
 
@@ -45,7 +43,9 @@ class ModernDetector:
     full_scale : amplitude of the carrier that is darkest on paper, of samples whose full scale is 1 (integers are
         scaled by their kind); span_db : what lies that much below is bare
     Raises ValueError, naming the setting, for one that makes no sense. A pulse that either end of the stream cuts is
-    not told. Doppler is not followed: 5 m/s costs a 10-ms pulse at 10 kHz 1.6 dB and does not bias its time.
+    not told. 1.96 sigma_s hold 93 to 97 % of arrivals of 10 to 30 dB, by simulation (10-ms pulses, 48 kHz); of weaker
+    ones, which the usual threshold rarely lets pass, 85 to 91 %. Doppler is not followed: 5 m/s costs a 10-ms pulse
+    at 10 kHz 1.6 dB and does not bias its time.
     """
 
     def __init__(
@@ -83,11 +83,14 @@ class ModernDetector:
         self._stream = CellStream(matched, self._ahead + matched.cells, room, (black, octave))
         self._searched = 0  # first cell that was not searched yet
         self._noise, self._kept = 0.0, 0  # variance a sample, and how many cells it was taken from
-        self._open: list[
-            tuple[float, ...]
-        ] = []  # arrival_s, sigma_s, log likelihood, power: periods not over
+        # arrival_s, sigma_s, log likelihood and power of arrivals in periods that are not over
+        self._open: list[tuple[float, ...]] = []
 
     def feed(self, samples: np.ndarray) -> Heard:
+        """Levels of the milliseconds and arrivals of the periods that samples (K,), integers or floats, complete.
+
+        Raises ValueError for samples that are no row of finite numbers.
+        """
         samples = np.asarray(samples)
         if samples.ndim != 1 or samples.dtype.kind not in "if":
             raise ValueError(
@@ -107,6 +110,7 @@ class ModernDetector:
         )
 
     def finish(self) -> Heard:
+        """The arrivals of what was still open."""
         self._stream.end()
         self._search(self._searched, self._stream.done)
         return Heard(np.empty(0, np.uint8), self._close(np.inf))

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from trackerlib.receiver.front_end import ATTENUATIONS_DB
+
 ETX = b"\x03"
 PROMPT = b"\r\n:" + ETX
 RECEIVER, GPS = "PTR", "GPS"
@@ -30,8 +32,7 @@ SUM_SAMPLES = 11  # an index is that of the last sample of its sum (5-5)
 LONGEST_REPLY = 4096  # characters; the help text is the longest reply of known length
 PERIOD_ADDRESS, MAXIMA_ADDRESS, WINDOW_ADDRESS = 0x52, 0x63, 0x74
 
-# Table 5-2: what port A shows and which command sets it. PA0 is pulled up; PA6 toggles with the timer.
-ATTENUATOR_DB = (0, 3, 9, 12, 18, 24, 30)
+# Table 5-2: what port A shows at each of ATTENUATIONS_DB. PA0 is pulled up; PA6 toggles with the timer.
 ATTENUATOR_CODES = (0x01, 0x09, 0x11, 0x19, 0x21, 0x81, 0xB9)
 SWITCHES = 0xB8  # the bits of port A that switch shunts
 
@@ -114,11 +115,11 @@ def set_attenuator(step: int | str) -> bytes:
     """The command for an attenuation in dB (a step of Table 5-2), or for AUTOMATIC_GAIN."""
     if step == AUTOMATIC_GAIN:
         return b"AA"
-    if step not in ATTENUATOR_DB:
+    if step not in ATTENUATIONS_DB:
         raise ValueError(
-            f"found an attenuation of {step} dB; wanted one of {ATTENUATOR_DB} or {AUTOMATIC_GAIN}"
+            f"found an attenuation of {step} dB; wanted one of {ATTENUATIONS_DB} or {AUTOMATIC_GAIN}"
         )
-    return b"A%d" % ATTENUATOR_DB.index(step)
+    return b"A%d" % ATTENUATIONS_DB.index(step)
 
 
 def dump_command(start: int, length: int) -> bytes:
@@ -222,7 +223,7 @@ def decode_attenuator(body: bytes) -> int | Fault:
     """Attenuation in dB that port A shows."""
     text = body.decode("ascii", "replace")
     code = int(text, 16) & SWITCHES if len(text) == 2 and _is_hex(text) else None
-    for attenuation, known in zip(ATTENUATOR_DB, ATTENUATOR_CODES, strict=True):
+    for attenuation, known in zip(ATTENUATIONS_DB, ATTENUATOR_CODES, strict=True):
         if code == known & SWITCHES:
             return attenuation
     return Fault("garbled", f"found {shown(body)} as attenuator; wanted two hex digits of Table 5-2")

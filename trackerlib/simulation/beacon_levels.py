@@ -13,18 +13,19 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
+from trackerlib.acoustics.absorption import absorption_db_per_km
+from trackerlib.acoustics.ambient_noise import HYDROPHONE_DB, ambient_noise_db, equivalent_noise_v
 from trackerlib.frames import LocalFrame
+from trackerlib.receiver.front_end import DB_PER_COUNT, FULL_CODE, LEAST_V
+from trackerlib.receiver.report_receiver import MEASURED_GAIN
 from trackerlib.receiver.sail import SUM_SAMPLES, Maximum
 from trackerlib.simulation.hexagon import LEG_M, Receptions, Scenario, sail_hexagon
 
 PULSE_S = 0.01
-SOURCE_LEVEL_DB = 185.5  # re 1 uPa at 1 m: the 145.5 dB at 100 m that 30 W give, beside (5-12)
-ABSORPTION_DB_PER_KM = 1.1  # in the sea at 10 kHz
-HYDROPHONE_DB = -201.0  # re 1 V/uPa
-GAIN_DB = 86.0  # of the preamplifier, as measured, without attenuation
-NOISE_VOLT = 89e-9 * 100**0.5  # at the hydrophone: sea state 3 of Table 5-1 in 100 Hz
+CARRIER_HZ = 10_000.0
+SOURCE_LEVEL_DB = 185.5  # re 1 uPa at 1 m: 30 W in all directions, the 145.5 dB at 100 m beside (5-12)
+SEA_STATE = 3.0
 BANDWIDTH_HZ = 100.0
-FAINTEST_VOLT, SATURATION_VOLT = 2e-3, 8.0  # of the compressor (5-10)
 ORIGIN_DEG = (39.5, -67.5)  # latitude and longitude of the hexagon's centre, in deep water
 
 
@@ -68,7 +69,8 @@ class SimulatedHunt:
         """Samples (samples,) of the converter, 0 to 255, louder is more: FFh less its reading."""
         rng = self._rng
         kept = np.exp(-np.pi * BANDWIDTH_HZ * sample_s)
-        white = rng.standard_normal((2, samples + 32)) * NOISE_VOLT * np.sqrt((1 - kept**2) / 2)
+        noise = equivalent_noise_v(ambient_noise_db(SEA_STATE), BANDWIDTH_HZ)
+        white = rng.standard_normal((2, samples + 32)) * noise * np.sqrt((1 - kept**2) / 2)
         envelope = lfilter([1.0], [1.0, -kept], white[0] + 1j * white[1])[32:]
         heard = self.receptions(start_s + samples * sample_s)
         first = np.searchsorted(heard.received_s, start_s - PULSE_S)
@@ -79,19 +81,18 @@ class SimulatedHunt:
             share = np.clip(at + 1 - begin, 0, 1) * np.clip(begin + PULSE_S / sample_s - at, 0, 1)
             level = self.source_level_db + HYDROPHONE_DB - spreading_loss(heard.range_m[k])
             envelope[at] += share * 10 ** (level / 20) * np.exp(2j * np.pi * rng.random())
-        volt = np.abs(envelope) * 10 ** ((GAIN_DB - attenuation_db) / 20)
-        return compress(volt)
+        return levels_of(np.abs(envelope) * MEASURED_GAIN * 10 ** (-attenuation_db / 20))
 
 
 def spreading_loss(range_m) -> np.ndarray:
     """Loss [dB] from 1 m to a range: spherical spreading and absorption."""
-    return 20 * np.log10(range_m) + ABSORPTION_DB_PER_KM * 1e-3 * np.asarray(range_m)
+    return 20 * np.log10(range_m) + 1e-3 * np.asarray(range_m) * absorption_db_per_km(CARRIER_HZ)
 
 
-def compress(volt: np.ndarray) -> np.ndarray:
+def levels_of(volt: np.ndarray) -> np.ndarray:
     """What the logarithmic compressor and the 8-bit converter make of an envelope [V] (5-10), (5-25)."""
-    share = np.log(np.maximum(volt, 1e-9) / FAINTEST_VOLT) / np.log(SATURATION_VOLT / FAINTEST_VOLT)
-    return np.clip(np.rint(255 * share), 0, 255).astype(np.int64)
+    counts = 20 * np.log10(np.maximum(volt, 1e-9) / LEAST_V) / DB_PER_COUNT
+    return np.clip(np.rint(counts), 0, FULL_CODE).astype(np.int64)
 
 
 def moving_sums(codes: np.ndarray) -> np.ndarray:

@@ -15,9 +15,9 @@ from collections.abc import Callable, Generator
 
 import numpy as np
 
+from trackerlib.receiver.front_end import ATTENUATIONS_DB, next_step
 from trackerlib.receiver.sail import (
     ATTENUATOR_CODES,
-    ATTENUATOR_DB,
     BAUD_RATES,
     FIRST_BAUD,
     GPS,
@@ -44,7 +44,6 @@ FAULTS = {
 }
 SAMPLE_S = 1e-3
 CLOCK_FAULT = 1.0005  # timer compare of 2001 counts instead of 2000
-MORE_AT, LESS_AT = 0xE8, 0x40  # thresholds of the automatic gain
 MOST_BEHIND = 16  # periods worked through when nobody has asked for long
 EPROM = 0xE800
 CONTINUE, NEW_ADDRESS = ord(";"), ord(",")
@@ -176,14 +175,10 @@ class ReceiverUnit(Unit):
 
     def _stepped(self, largest: int) -> int:
         """The attenuation after the automatic gain has seen the largest sample of a period."""
-        at = ATTENUATOR_DB.index(self.attenuation_db)
-        if largest >= MORE_AT:
-            if "gain-step" in self.faults and self.attenuation_db == 9:
-                return 0
-            at += 1
-        elif largest <= LESS_AT:
-            at -= 1
-        return ATTENUATOR_DB[min(max(at, 0), len(ATTENUATOR_DB) - 1)]
+        step = int(next_step(ATTENUATIONS_DB.index(self.attenuation_db), largest))
+        if "gain-step" in self.faults and self.attenuation_db == 9 and ATTENUATIONS_DB[step] > 9:
+            return 0
+        return ATTENUATIONS_DB[step]
 
     # -- commands ------------------------------------------------------------------------------
 
@@ -229,14 +224,14 @@ class ReceiverUnit(Unit):
             self._say("".join(f"{one.value:04X}{one.index:04X}" for one in padded).encode("ascii"))
 
     def _send_attenuator(self) -> None:
-        self._say(b"%02X" % ATTENUATOR_CODES[ATTENUATOR_DB.index(self.attenuation_db)])
+        self._say(b"%02X" % ATTENUATOR_CODES[ATTENUATIONS_DB.index(self.attenuation_db)])
 
     def _set_attenuator(self, step: str) -> bool:
         if step not in "0123456A":
             return False
         self.automatic = step == "A"
         if not self.automatic:
-            self.attenuation_db = ATTENUATOR_DB[int(step)]
+            self.attenuation_db = ATTENUATIONS_DB[int(step)]
         self._say(PROMPT)
         return True
 
