@@ -20,7 +20,7 @@ class LineStrip:
 
     def __init__(self, lines: Range1d, history: int):
         self.history = history
-        self.source = ColumnDataSource({name: [] for name in COLUMNS}, name="beside")
+        self.source = ColumnDataSource({name: [] for name in COLUMNS}, name="line values")
         self.figure = fig = figure(
             name="beside",
             width=230,

@@ -9,7 +9,7 @@ from dashboards.pictures.wet_paper import LOOKS
 from dashboards.session import SPEEDS, Session
 from dashboards.tabs.chart_live import HUNTS
 from dashboards.tabs.tab import choice, number
-from trackerlib.live.receiver_poller import ReceiverSettings as LineSettings
+from trackerlib.live.receiver_poller import PollingSettings
 from trackerlib.receiver.chart import ChartSettings
 from trackerlib.receiver.front_end import ATTENUATIONS_DB, Attenuator
 from trackerlib.receiver.report_receiver import ReceiverSettings
@@ -222,6 +222,6 @@ class ChartControls:
         """The attenuator as the line's protocol names it."""
         return AUTOMATIC_GAIN if self.attenuator.value == "auto" else self.attenuator.value
 
-    def line_settings(self) -> LineSettings:
+    def line_settings(self) -> PollingSettings:
         """What a receiver on its line is told, and how it is asked. Raises ValueError."""
-        return LineSettings(self.parameters(), self.sample_s, self.attenuation)
+        return PollingSettings(self.parameters(), self.sample_s, self.attenuation)

@@ -17,7 +17,7 @@ from trackerlib.beacon.pings import Ping
 from trackerlib.live.ports import PortError, open_port
 from trackerlib.live.raw_log import RawLog
 from trackerlib.live.receiver_session import ReceiverSession, SessionStatus, WallClock
-from trackerlib.live.receiver_poller import ReceiverSettings
+from trackerlib.live.receiver_poller import PollingSettings
 from trackerlib.live.session_file import SessionFile
 from trackerlib.receiver.following import FollowedPing, PingFollower
 from trackerlib.receiver.recording import SIMULATED
@@ -110,7 +110,7 @@ class LiveReceiver:
             self.emulator.line.stop()
             self.emulator = None
 
-    def connect(self, where: str, settings: ReceiverSettings, interval_s: float, rate: float, folder: str) -> None:
+    def connect(self, where: str, settings: PollingSettings, interval_s: float, rate: float, folder: str) -> None:
         """Begins to poll a receiver. Raises InputError for an address, folder or setting that makes no sense.
 
         interval_s : of the pinger; rate : of the receiver's time against ours, 1 but for emulators
@@ -282,7 +282,8 @@ class LiveReceiver:
                 settings,
                 profile=None,
                 sound_speed_mps=SOUND_SPEED_MPS,
-                gps_rms_m=self.emulator.hunt.gps_rms_m,
+                gps_rms_m=None,  # positions hang on how promptly the line answers: slow errors are allowed for
+                gps_correlation_s=None,
                 interval_s=None,
                 estimate_interval=False,
                 estimate_interval_drift=False,
