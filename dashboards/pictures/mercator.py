@@ -23,7 +23,8 @@ def from_mercator(x, y) -> tuple[np.ndarray, np.ndarray]:
 
 # Untouched, the home box fills the frame; once zoomed, a resize keeps scale and centre.
 _EQUAL_SCALE = """
-const W = fig.inner_width, H = fig.inner_height;
+let W, H;
+try { W = fig.inner_width; H = fig.inner_height; } catch { return; }  // not laid out yet
 if (!(W > 0 && H > 0)) return;
 const x = fig.x_range, y = fig.y_range, X = x.end - x.start, Y = y.end - y.start, m = fig.__lock;
 const eq = (a, b) => Math.abs(a - b) < 1e-6 * (Math.abs(X) + Math.abs(Y));
