@@ -368,7 +368,8 @@ class Workbench:
         words = pn.pane.Markdown(
             f"Drop files here or choose them; at most {UPLOAD_LIMIT_MB} MB each. They stay on this machine.\n\n"
             "Survey logs (SIO, WHOI), pings (`lat_deg, lon_deg, oneway_s`) or a profile (`depth_m, speed_mps`) as CSV, "
-            "T-files, array tables, session files; recordings (WAV, RF64, FLAC) and stored receiver sessions for the chart."
+            "T-files, array tables, session files; recordings (WAV, RF64, FLAC) and stored "
+            "receiver sessions for the chart."
         )
         return pmui.Dialog(words, dropper, title="Open", width_option="sm", show_close_button=True)
 

@@ -177,7 +177,9 @@ class Session(param.Parameterized):
         """The upload as a file in a folder that goes with the session."""
         if self._folder is None:
             self._folder = tempfile.TemporaryDirectory(prefix="workbench-")
-        path = Path(self._folder.name) / f"{self.opened}-{len(os.listdir(self._folder.name))}{Path(name).suffix}"
+        path = (
+            Path(self._folder.name) / f"{self.opened}-{len(os.listdir(self._folder.name))}{Path(name).suffix}"
+        )
         try:
             path.write_bytes(content)
         except OSError as error:

@@ -88,7 +88,9 @@ def main() -> None:
     for name, (share, rate) in found.items():
         print(f"{name:22} {share:5.1f} % of one core at {rate:.1f} lines a second")
     (share, rate), (peer_share, _) = found.values()
-    print(f"whole images / wet paper: {peer_share / share:.2f}; wanted at most {LIMIT_PERCENT:g} % for the paper")
+    print(
+        f"whole images / wet paper: {peer_share / share:.2f}; wanted at most {LIMIT_PERCENT:g} % for the paper"
+    )
     if share > LIMIT_PERCENT or rate < 0.95 * RATE_HZ:
         sys.exit(f"the paper takes {share:.1f} % at {rate:.1f} lines a second")
 
