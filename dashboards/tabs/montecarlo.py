@@ -196,7 +196,7 @@ class MonteCarloTab(Tab):
             return rows
 
         self.words.object = "Simulating…"
-        self.session.jobs.start("Monte Carlo", work, lambda rows: self._show(rows, asked))
+        self.session.jobs.start("Monte Carlo", work, lambda rows: self._show(rows, asked), long=True)
 
     def _show(self, rows: list[dict], asked: Asked) -> None:
         self.rows, self.ran = rows, asked

@@ -63,6 +63,8 @@ def fix_usual(ship, ranges, epochs, gps_rms_m: float, range_rms_m: float, start,
         pull = (weighted.transpose(0, 2, 1) @ miss[:, :, None])[:, :, 0]
         step = np.einsum("tkl,tl->tk", inverse, pull) / scale[:, 0]
         state += step
+        if np.abs(step).max() < 1e-6:
+            break
     covariance = inverse / (scale.transpose(0, 2, 1) * scale)
     return state, covariance, np.abs(step).max(axis=1) < 1e-3
 
