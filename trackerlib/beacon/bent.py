@@ -4,8 +4,7 @@ The squared range is quadratic in the unknowns, so how the score changes away fr
 last term: own d + B(d, d), with B from three weighted sums. In standard errors of the score that is eta + M g, where
 g holds the three (for a still beacon one) quadratic forms eta' G eta. The noise that the score can have is mapped
 through that equation, which is one in g alone, and the covariance is that of the places it leads to, widened until
-its 95 % ellipsoid holds 95 % of them. Where some noise leads nowhere, or where the matrix of the score and its
-covariance differ so much that noise and not geometry made the solution, the ellipsoid means nothing.
+its 95 % ellipsoid holds 95 % of them. Where some noise leads nowhere the ellipsoid means nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from trackerlib.compiled import compiled
 
 STRAIGHT = 0.1  # root-mean-square second-order part of the score, in standard errors, that bends nothing
 MOST_WIDENED = 2.5  # times an ellipsoid may be widened before it says nothing
-MOST_APART = 0.3  # of the score's matrix from its covariance, which are equal where noise does not rule
 MOST_LOST = 0.01  # share of the noise that may lead nowhere
 NEWTON_STEPS = 30
 _DRAWS = 256
@@ -154,23 +152,16 @@ def _places_reached(forms, mixing, along, draws, reached):
 
 
 @compiled
-def follow_the_bend(own, expected, spread, moments, draws, covariance):
+def follow_the_bend(own, spread, moments, draws, covariance):
     """Fills `covariance` (P, P), also where the solutions lie on a bent curve; whether it can be stated at all.
 
-    own : (P, P) the score's matrix; expected : what it would be without noise
-    spread : (P, P) the score's covariance, `expected` itself where errors are independent
+    own, spread : (P, P) the score's matrix and its covariance
     moments : (P, 3) sums of weight times instrument times 1, t and t squared
     draws : (M, P) of `DRAWS`
     """
     unknowns = len(own)
     root = np.empty((unknowns, unknowns))
-    if not root_of(expected, root):
-        return False
-    apart = own - expected
-    whiten(root, apart)
-    apart = apart.T.copy()
-    whiten(root, apart)
-    if np.sum(apart**2) > MOST_APART**2 or not root_of(spread, root):
+    if not root_of(spread, root):
         return False
     along, fine = scaled_solve(own, root)
     if not fine:
