@@ -32,6 +32,7 @@ from trackerlib.beacon.squared_sums import (
     correlated_spread,
     instrument_sums,
     score,
+    share_by_leverage,
     start_sums,
     take_out_shared,
 )
@@ -44,6 +45,7 @@ MOST_STUCK = 5  # times a step may have to be taken that does not improve matter
 ENOUGH = 1e-4  # the same, below which a second step is no use before instruments are renewed
 UNKNOWN_SHARE = 0.15  # of the depth: a standard error above which noise and not geometry makes an answer
 KNOWN_SHARE = 0.02  # the same, below which there is no need to ask
+BIASED_FROM, STRONGLY_BENT = 0.1, 1.0  # bends between which a bias of second order is worth taking out
 STILL, MOVING = 4, 7  # unknowns: east, north, up and c0, then three velocities
 
 FINE, FEW, HIDDEN, NO_PLACE, RULED, BENT = range(6)
@@ -285,8 +287,13 @@ def _descend(theta, ship, smooth, shared, ranges, epochs, origin, noise, correla
                 correlated_spread(theta, ship, smooth, epochs, origin, noise, correlation, spread)
             bends = np.empty((unknowns, 3))
             bends[:, 0], bends[:, 1], bends[:, 2] = moments[:, ONE], moments[:, T], moments[:, TT]
-            if not follow_the_bend(own, spread, bends, draws, covariance):
+            bend = follow_the_bend(own, spread, bends, draws, covariance)
+            if not bend < np.inf:
                 return BENT, step
+            if BIASED_FROM < bend < STRONGLY_BENT and not correlation > 0:
+                share_by_leverage(theta, ship, smooth, epochs, origin, noise, root, shared)
+                take_out_shared(theta, ship, smooth, shared, epochs, origin, noise, moments)
+                _improve(moments, root, highest, theta)
             return FINE, step
     return NO_PLACE, PASSES
 
