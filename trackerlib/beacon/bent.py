@@ -159,7 +159,7 @@ def _places_reached(forms, mixing, along, draws, reached):
 
 @compiled
 def follow_the_bend(own, spread, moments, draws, covariance):
-    """Fills `covariance` (P, P), also where the solutions lie on a bent curve: the bend, infinite where none can be stated.
+    """Fills `covariance` (P, P), also where the solutions lie on a bent curve; the bend, infinite if none is true.
 
     own, spread : (P, P) the score's matrix and its covariance
     moments : (P, 3) sums of weight times instrument times 1, t and t squared

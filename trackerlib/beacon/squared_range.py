@@ -72,10 +72,10 @@ class SquaredRangeFixes:
     why: np.ndarray  # (B,) index in WHY of the reason for which it did not
     iterations: np.ndarray  # (B,) passes over the pings
 
-    @property
-    def refused_why(self) -> dict[str, int]:
-        """How many surveys were refused, by reason."""
-        return {WHY[code]: int(np.sum(self.why == code)) for code in np.unique(self.why) if code != FINE}
+
+def refusals(why: np.ndarray) -> dict[str, int]:
+    """How many fixes were refused, by reason, from their `SquaredRangeFixes.why`."""
+    return {WHY[code]: int(np.sum(why == code)) for code in np.unique(why) if code != FINE}
 
 
 def fix_squared_range(
