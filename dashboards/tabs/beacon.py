@@ -35,7 +35,7 @@ class BeaconTab(Tab):
     title = "Beacon fix"
     watches = (
         "opened", "pings", "fix", "fix_settings", "live", "truth", "heard", "playing", "reasons", "bearing_lines",
-        "listening",
+        "listening", "pointed",
     )  # fmt: skip
 
     def __init__(self, session=None, **params):
@@ -175,7 +175,10 @@ class BeaconTab(Tab):
     def refresh(self, changed):
         session = self.session
         self._show_controls()
-        self.map.show_bearings(session.bearing_lines)
+        if "bearing_lines" in changed:
+            self.map.show_bearings(session.bearing_lines)
+        if "pointed" in changed:
+            self.map.show_pointed(session.pointed)
         if session.opened != self._shown_survey or "truth" in changed:
             self._begin_survey()
         if session.pings is None:

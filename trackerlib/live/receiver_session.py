@@ -13,12 +13,15 @@ No trouble of the line stops it: it says in `status` what is wrong, and tries ag
 
 from __future__ import annotations
 
+import math
 import re
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+
+import numpy as np
 
 from trackerlib.beacon.navigation import NavigationFixes
 from trackerlib.live.hunt import one_clock
@@ -29,7 +32,7 @@ from trackerlib.live.receiver_poller import PollingSettings, ReceiverPoller
 from trackerlib.live.sail_host import SailHost
 from trackerlib.live.session_file import SessionFile
 from trackerlib.receiver.arrivals import Arrivals
-from trackerlib.receiver.periods import Period, arrivals_of
+from trackerlib.receiver.periods import Period, arrivals_of, receiver_start
 from trackerlib.receiver.sail import (
     BAUD_RATES,
     RECEIVER,
@@ -120,6 +123,7 @@ class ReceiverSession:
         self._state, self._words = "stopped", ""
         self._run, self._faults = runs, 0
         self._typed_to = RECEIVER
+        self._began_s = self._late_s = math.nan  # when the run began by the host's clock; how late positions come
 
     @property
     def settings(self) -> PollingSettings:
@@ -161,6 +165,14 @@ class ReceiverSession:
         with self._lock:
             periods, fixes = tuple(self._periods), tuple(self._fixes)
         return one_clock(periods, fixes, self.settings.sample_interval_s)
+
+    @property
+    def tie_s(self) -> float:
+        """What makes UTC of a position seconds of the receiver's clock since the run began; NaN before a period.
+
+        As in `hunt`, but without looking at everything heard; it falls a little while better ties come.
+        """
+        return self._late_s - self._began_s
 
     @property
     def status(self) -> SessionStatus:
@@ -276,8 +288,11 @@ class ReceiverSession:
         with self._lock:
             if run != self._run:
                 self._periods.clear()
-                self._run = run
+                self._run, self._began_s = run, math.nan
             self._periods.append(period)
+            self._began_s = np.fmin(
+                self._began_s, receiver_start([period], self.settings.sample_interval_s)
+            )
         self._news.append((run, period))
         if self.file is not None:
             self.file.add_period(run, period)
@@ -286,6 +301,7 @@ class ReceiverSession:
         """Keeps what the poller heard."""
         with self._lock:
             self._fixes.append((heard_s, fix))
+            self._late_s = np.fmin(self._late_s, heard_s - fix.time_s)
         self._news.append((self._run, fix))
         if self.file is not None:
             self.file.add_fix(heard_s, fix)
