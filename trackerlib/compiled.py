@@ -15,7 +15,8 @@ import os
 import shutil
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
@@ -68,9 +69,21 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.receiver.report_receiver",
     "trackerlib.receiver.demodulation",
     "trackerlib.receiver.chains",
+    "trackerlib.rangefiles.record_scan",
+    "trackerlib.crossover.gate_scan",
+    "trackerlib.crossover.repeats",
 )
 
 _warm_ups: list[Callable[[], object]] = []
+
+
+def in_threads(work: Callable, jobs: Sequence[tuple]) -> list:
+    """Results of `work(*job)` for every job, in order; kernels hold no GIL and run side by side."""
+    threads = min(len(jobs), os.cpu_count() or 1)
+    if threads < 2:
+        return [work(*job) for job in jobs]
+    with ThreadPoolExecutor(threads, thread_name_prefix="kernels") as pool:
+        return list(pool.map(lambda job: work(*job), jobs))
 
 
 def warms(function: Callable[[], object]) -> Callable[[], object]:

@@ -6,7 +6,9 @@ Every reader of this package goes through `read_lines`, and says what it could n
 
 from __future__ import annotations
 
+import mmap
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,6 +40,18 @@ def read_lines(path: str | Path) -> list[str]:
 
 def read_bytes(path: str | Path) -> bytes:
     """The bytes of a file. Raises InputError if it is missing, a folder, unreadable, empty or huge."""
+    content = _open_checked(path, lambda file: file.read())
+    if not content.strip():
+        raise InputError(f"{path}: the file is empty")
+    return content
+
+
+def map_bytes(path: str | Path) -> mmap.mmap:
+    """The same without reading them: pages of a large file are read as they are looked at."""
+    return _open_checked(path, lambda file: mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+
+
+def _open_checked(path: str | Path, take: Callable):
     path = Path(path)
     if path.is_dir():
         raise InputError(f"{path}: found a folder, wanted a file")
@@ -45,14 +59,14 @@ def read_bytes(path: str | Path) -> bytes:
         size = path.stat().st_size
         if size > MAX_BYTES:
             raise InputError(f"{path}: found {size / 1e9:.1f} GB, wanted at most {MAX_BYTES / 1e9:.0f} GB")
-        content = path.read_bytes()
+        if size == 0 and path.is_file():
+            raise InputError(f"{path}: the file is empty")
+        with path.open("rb") as file:
+            return take(file)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    if not content.strip():
-        raise InputError(f"{path}: the file is empty")
-    return content
 
 
 def decode_lines(content: bytes, name: str) -> list[str]:
@@ -74,9 +88,14 @@ def decode_lines(content: bytes, name: str) -> list[str]:
 
 def write_text(path: str | Path, text: str) -> None:
     """Writes a text file whole or not at all."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: str | Path, content: bytes) -> None:
+    """Writes a file whole or not at all."""
     path = Path(path)
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8", newline="\n")
+    part.write_bytes(content)
     os.replace(part, path)
 
 

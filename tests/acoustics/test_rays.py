@@ -175,3 +175,52 @@ def test_targets_below_the_table_use_the_profile_carried_on():
     deep = fit_rays(WINTER, 500.0, 4000.0, 10.0)
     longer = fit_rays(WINTER.extended(0, 4000), 500.0, 4000.0, 10.0)
     assert float(deep.travel_time) == float(longer.travel_time)
+
+
+# to 12,000 ft in winter: every target that bisection finds, and the same ray
+
+DEEP = np.arange(0.0, 12_001.0, 250.0)
+WINTER_FT = SoundSpeedProfile(DEEP, 4790.0 + 0.0175 * DEEP + 8 * np.tanh((DEEP - 600) / 300))
+
+
+def by_bisection(profile, run, target, array):
+    """Ray parameter by bisection on the range, layer by layer; None where even a level ray falls short."""
+    top, bottom = sorted((target, array))
+    inner = profile.depth[(profile.depth > top) & (profile.depth < bottom)]
+    depth = np.array([top, *inner, bottom])
+    speed, thick = profile.speed_at(depth), np.diff(depth)
+
+    def reach(p):
+        s = np.sqrt(np.maximum(1 - (p * speed) ** 2, 0))
+        return np.sum(p * (speed[:-1] + speed[1:]) * thick / np.maximum(s[:-1] + s[1:], 1e-300))
+
+    low, high = 0.0, 1 / speed.max()
+    if reach(high) < run:
+        return None
+    for _ in range(200):
+        middle = (low + high) / 2
+        low, high = (middle, high) if reach(middle) < run else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_all_targets_are_found_that_bisection_finds(seed):
+    rng = np.random.default_rng(seed)
+    size = 150
+    array = rng.choice([50.0, 1300.0, 6000.0, 12_000.0], size)
+    target, run = rng.uniform(0, 12_000, size), rng.uniform(0, 12_000, size)
+    target[::3] = np.clip(array[::3] + rng.uniform(-500, 500, 50), 0, 12_000)  # far and level: some in shadow
+    rays = fit_rays(WINTER_FT, run, target, array)
+    found = [by_bisection(WINTER_FT, *one) for one in zip(run, target, array, strict=True)]
+    assert rays.reached.tolist() == [p is not None for p in found]
+    assert 20 < np.sum(rays.reached) < size
+    assert rays.ray_parameter[rays.reached] == pytest.approx([p for p in found if p is not None], rel=1e-10)
+
+
+def test_many_rays_in_threads_are_the_same_as_one_by_one():
+    rng = np.random.default_rng(9)
+    run, target = rng.uniform(0, 9000, 9500), rng.uniform(0, 3000, 9500)
+    together = fit_rays(WINTER_FT, run, target, 6000.0)
+    for k in (0, 3999, 4000, 7999, 8000, 9499):
+        alone = fit_rays(WINTER_FT, run[k], target[k], 6000.0)
+        assert np.array_equal(alone.travel_time, together.travel_time[k], equal_nan=True)

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from trackerlib.commands import main
+from trackerlib.crossover.smooth_track import is_curved
 from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.crossover_file import read_crossover
+from trackerlib.rangefiles.segment_file import read_segment
 
 
 @pytest.fixture
@@ -56,6 +58,30 @@ def test_a_narrower_gap_makes_more_passes(call):
     narrow = json.loads(call("--json", "--gap-counts", 1)[1])["sets"]
     assert len(narrow) > len(wide)
     assert sum(s["points"] for s in narrow) == sum(s["points"] for s in wide)
+
+
+def test_segments_are_written_and_read_back(call, tmp_path):
+    answer = json.loads(call("--json", "--segments")[1])
+    assert len(answer["segments"]) == len(list((tmp_path / "sets").glob("segment_*.txt"))) > 50
+    for entry in answer["segments"]:
+        segment = read_segment(entry["file"]).segment
+        assert (segment.array, len(segment.point_count)) == (entry["array"], entry["points"])
+        assert not is_curved(segment.position, segment.point_count, 1e-7)
+
+
+def test_a_choice_among_repeats_is_taken_back_by_its_line(call):
+    choice = json.loads(call("--json")[1])["repeats"][0]
+    (other,) = choice["dropped_lines"]
+    back = json.loads(call("--json", "--keep-line", other)[1])["repeats"][0]
+    assert (back["kept_line"], back["dropped_lines"]) == (other, [choice["kept_line"]])
+
+
+def test_columns_shifted_by_one_are_found_out(call, data, tmp_path):
+    lines = (data / "range-demo/tfile.dat").read_text().splitlines()
+    (tmp_path / "shifted.dat").write_text("\n".join(lines[:31] + [" " + line for line in lines[31:]]))
+    code, _, err = call(tfile=tmp_path / "shifted.dat")
+    assert code == 2
+    assert "line 32: columns 9-15 (downrange) hold ' 49473.', wanted feet" in err
 
 
 def test_files_of_an_earlier_call_are_told(call, tmp_path):

@@ -1,6 +1,7 @@
 """Gating: each gate by hand, repeats, passes, and an account of every report."""
 
 import json
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -8,8 +9,10 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain_gates import plain_gating
 
-from trackerlib.crossover.gating import gate_reports, gate_several_arrays, pair_up, split_passes
+from trackerlib.crossover import gate_scan
+from trackerlib.crossover.gating import gate_reports, split_passes
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.repeats import predict_position
 from trackerlib.crossover.reports import PositionReports
@@ -106,6 +109,18 @@ def test_a_mode_nobody_has_gives_no_set_and_says_so():
     result = gate_reports(reports_of([(1, 0, MIDDLE), (1, 1, MIDDLE)]), SURVEY, 2)
     assert not result.sets
     assert result.warnings == ("no report has mode 2; the file has modes 7",)
+
+
+@pytest.mark.parametrize(
+    ("scale_file", "scale_table", "words"), [(0.3048, 1, "T-file"), (1, 0.3048, "array")]
+)
+def test_metres_for_feet_are_recognised_and_asked_about(demo, scale_file, scale_table, words):
+    reports, survey, _, _ = demo
+    assert not any("metres" in warning for warning in gate_reports(reports, survey, 7).warnings)
+    metric = replace(reports, position=scale_file * reports.position)
+    table = replace(survey, position=scale_table * survey.position)
+    (question,) = (w for w in gate_reports(metric, table, 7).warnings if "metres" in w)
+    assert question.startswith(f"is the {words}")
 
 
 # repeats
@@ -215,8 +230,71 @@ def test_order_of_the_file_does_not_matter():
 
 def test_no_report_at_all_is_no_set():
     empty = reports_of([(1, 0, MIDDLE)]).only(np.zeros(1, bool))
-    assert len(gate_several_arrays(empty)) == 0
-    assert pair_up(empty) == []
+    result = gate_reports(empty, SURVEY, 7)
+    assert result.sets == ()
+    assert result.counts.kept_repaired == 0
+    assert list(result.choices) == []
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), size=st.integers(1, 120))
+def test_compiled_passes_agree_with_plain_gates(seed, size):
+    rng = np.random.default_rng(seed)
+    rows = [
+        (
+            int(rng.integers(0, 40)),
+            int(rng.choice([0, 1, 2, 3, 8])),
+            rng.uniform(0, 5000, 3) * (1, 1, -0.2),
+            int(rng.choice([2, 7], p=[0.2, 0.8])),
+            bool(rng.random() < 0.1),
+        )
+        for _ in range(size)
+    ]
+    reports = reports_of(rows)
+    result = gate_reports(reports, SURVEY, 7, gap_counts=5)
+    agrees_with_plain_gates(result, *plain_gating(reports, SURVEY, 7, gap=5))
+
+
+def agrees_with_plain_gates(result, counts, sets, choices):
+    c = result.counts
+    got = (c.kept_mode, c.kept_paired, c.kept_range, c.kept_repaired, c.kept_repaired - c.repeats_left_out)
+    assert got == counts
+    assert [(s.pair, s.pass_number) for s in result.sets] == [(s.pair, s.pass_number) for s in sets]
+    for ours, plain in zip(result.sets, sets, strict=True):
+        assert np.array_equal(ours.point_count, plain.point_count)
+        assert np.array_equal(ours.x, plain.x)
+        assert np.array_equal(ours.y, plain.y)
+    assert [(c.point_count, c.array, c.kept_line) for c in result.choices] == [c[:3] for c in choices]
+    for ours, (*_, distance) in zip(result.choices, choices, strict=True):
+        got = sorted([ours.kept_distance_ft, *ours.dropped_distances_ft])
+        assert np.allclose(got, np.sort(distance), rtol=1e-9, atol=1e-9, equal_nan=True)
+
+
+def test_stretches_of_many_threads_join_without_a_seam(demo, monkeypatch):
+    reports, survey, _, _ = demo
+    monkeypatch.setattr(gate_scan, "_FEWEST", 300)
+    monkeypatch.setattr(gate_scan.os, "cpu_count", lambda: 7)
+    vehicle = reports.only(reports.line < 4000)
+    agrees_with_plain_gates(gate_reports(vehicle, survey, 7), *plain_gating(vehicle, survey, 7))
+
+
+def test_a_choice_is_taken_back_by_naming_the_other_line():
+    rows = straight_track(0, [3, 4, 6, 7]) + straight_track(1, [3, 4, 5, 6, 7], offset=30.0)
+    rows += [(5, 0, (3200.0, 30.0, -300.0)), (5, 0, (3200.0, 0.0, -300.0))]
+    (choice,) = gate_reports(reports_of(rows), SURVEY, 7).choices
+    (other,) = choice.dropped_lines
+    result = gate_reports(reports_of(rows), SURVEY, 7, keep_lines=[other])
+    (back,) = result.choices
+    assert (back.kept_line, back.dropped_lines) == (other, (choice.kept_line,))
+    assert "named" in back.reason
+    crossover = result.sets[0]
+    assert crossover.x[crossover.point_count == 5].tolist() == [[3200.0, 30.0, -300.0]]
+
+
+def test_the_last_point_count_is_not_lost():
+    rows = [(t, a, MIDDLE) for t in (4, 5, 6) for a in (0, 1)]
+    result = gate_reports(reports_of(rows), SURVEY, 7)
+    assert result.sets[0].point_count.tolist() == [4, 5, 6]
 
 
 # the demo run (simulated), against its truth

@@ -4,11 +4,12 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from trackerlib.rangefiles import record_scan
 from trackerlib.rangefiles import tfile as tfile_module
-from trackerlib.rangefiles.tfile import parse_numbers, parse_tfile, read_tfile
+from trackerlib.rangefiles.tfile import judge_lines, parse_numbers, parse_tfile, read_tfile
 from trackerlib.textfiles import InputError
 
 TITLE = "RANGE RUN OF 6/20/85$"
@@ -32,6 +33,7 @@ def test_columns_by_hand():
     assert (reports.line[0], reports.flagged[0]) == (2, False)
 
 
+@settings(deadline=None)  # the first call may compile
 @given(
     rows=st.lists(
         st.tuples(
@@ -114,14 +116,104 @@ def test_line_ends_and_encodings_change_nothing(end, encoding):
     assert reports.position[:, 0].tolist() == [49473.6] * 3
 
 
-def test_files_are_read_in_chunks_alike(monkeypatch):
-    lines = [record(c) if c % 3 else "bad" for c in range(10, 40)]
-    whole = parse(lines).reports
+# the compiled scan against the plain judge of one record
+
+NAMES = ("line", "point_count", "position", "array", "mode", "flagged")
+
+
+def plainly(lines, first_line=2):
+    """Line, count, position, array, mode, mark of each record, and the bad ones, all by the plain judge."""
+    coded = [line.encode("latin-1") for line in lines]
+    lengths = np.array([len(line) for line in coded])
+    starts = np.concatenate([[0], np.cumsum(lengths + 1)[:-1]])
+    places = np.column_stack([np.arange(first_line, first_line + len(lines)), starts, lengths])
+    line, values, flagged, bad = judge_lines(np.frombuffer(b"\n".join(coded) + b"\n", np.uint8), places)
+    return (line, values[:, 0], values[:, 1:4], values[:, 4], values[:, 5], flagged), bad
+
+
+def agree(lines, end="\n", **more):
+    columns, bad = plainly(lines)
+    if not len(columns[0]):
+        return
+    reports = parse(lines, end=end, **more).reports
+    for name, column in zip(NAMES, columns, strict=True):
+        assert np.array_equal(getattr(reports, name), column), name
+    assert list(reports.bad_records) == bad
+    for mode in (2, 7):
+        kept = (columns[4] == mode) & ~columns[5]
+        only = parse_tfile(end.join([TITLE, *lines]).encode(), "t.dat", 1, mode).reports
+        for name, column in zip(NAMES, columns, strict=True):
+            assert np.array_equal(getattr(only, name), column[kept]), name
+        assert list(only.bad_records) == bad
+        assert len(only) + only.left_out == len(columns[0])
+
+
+def spoilt(rng, line):
+    """A record with a few characters changed, moved, taken or added, or as it was."""
+    kind = rng.integers(0, 12)
+    letters = " 0123456789.-+ED*\t"
+    for _ in range(rng.integers(1, 4) if kind < 5 else 0):
+        k = int(rng.integers(0, len(line)))
+        line = line[:k] + letters[rng.integers(len(letters))] + line[k + 1 :]
+    if kind == 5:
+        line = line[: rng.integers(0, 69)]
+    if kind == 6:
+        line = line + " remark"[: rng.integers(0, 7)]
+    if kind == 7:
+        k = int(rng.integers(0, 60))
+        line = line[:k] + " " + line[k:]
+    return line
+
+
+def random_lines(rng, size, spoil=spoilt):
+    return [
+        spoil(
+            rng,
+            record(
+                int(rng.integers(-99, 99_999)),
+                rng.integers(-99_999, 999_999, 3) / 10,
+                int(rng.integers(0, 99)),
+                int(rng.choice([1, 2, 7])),
+                str(rng.choice(["  ", "  ", "ED", " 1"])),
+            ),
+        )
+        for _ in range(size)
+    ]
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_scan_agrees_with_the_plain_judge(seed):
+    rng = np.random.default_rng(seed)
+    agree(random_lines(rng, int(rng.integers(1, 300))))
+
+
+@pytest.mark.parametrize("rare", [70, 130])
+def test_one_odd_line_among_many_equal_ones_changes_no_other(rare):
+    rng = np.random.default_rng(rare)
+    lines = random_lines(rng, 400, lambda rng, line: line)
+    for odd in ("", "short", lines[0] + " longer", lines[0][:40] + "\t" + lines[0][41:], "  188   +9473.6"):
+        agree([*lines[:rare], odd, *lines[rare:]])
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\r"])
+def test_other_line_ends_go_a_slower_way_to_the_same_result(end):
+    rng = np.random.default_rng(4)
+    agree(random_lines(rng, 300), end=end)
+
+
+def test_a_letter_beyond_ascii_far_down_changes_nothing():
+    rng = np.random.default_rng(5)
+    lines = random_lines(rng, 2000, lambda rng, line: line)
+    lines[1500] = lines[1500][:40] + "é" + lines[1500][41:]
+    agree(lines)
+
+
+def test_stretches_of_a_file_join_without_a_seam(monkeypatch):
+    rng = np.random.default_rng(6)
+    lines = random_lines(rng, 700)
+    monkeypatch.setattr(record_scan, "_CHUNK_BYTES", 5_000)
     monkeypatch.setattr(tfile_module, "_CHUNK", 7)
-    chunked = parse(lines).reports
-    assert np.array_equal(whole.line, chunked.line)
-    assert whole.bad_records == chunked.bad_records
-    assert np.array_equal(whole.position, chunked.position)
+    agree(lines)
 
 
 @pytest.mark.parametrize(

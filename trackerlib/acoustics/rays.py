@@ -14,13 +14,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
+import numba
 import numpy as np
 
 from trackerlib.acoustics.profile import SoundSpeedProfile
-from trackerlib.compiled import compiled, warms
+from trackerlib.compiled import compiled, in_threads, warms
 
 STEPS = 100  # ten times what the hardest ray found needs
+DOUBTFUL = 6  # steps after which it is asked whether any direct ray reaches so far
+ENOUGH = 1e-8  # relative step after which the next one would change nothing
+SERIES_LIMIT = 0.03
+_A_THREAD = 4000  # rays for which a thread of its own is worth its start
+_WEIGHT, _BELOW, _SLOWNESS, _ROOT = range(4)  # rows of what is known of the layers between the two ends
+
+# Sums may be taken in any order, so that several layers are worked on at once.
+summing = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 
 
 class NoDirectRay(ValueError):
@@ -67,7 +77,9 @@ def fit_rays(profile: SoundSpeedProfile, horizontal_range, target_depth, array_d
     if len(depths):
         profile = profile.extended(min(depths.min(), profile.depth[0]), max(depths.max(), profile.depth[-1]))
     out = np.full((6, given[0].size), np.nan)
-    _fit_all(profile.depth, profile.speed, given[0], given[1], given[2], out)
+    cuts = [*range(0, max(given[0].size - _A_THREAD // 2, 1), _A_THREAD), given[0].size]
+    columns = (profile.depth, profile.speed, *given)
+    in_threads(_fit_stretch, [(*columns, a, b, out) for a, b in pairwise(cuts)])
     return EigenRays(np.isfinite(out[0]).reshape(shape), *(row.reshape(shape) for row in out))
 
 
@@ -91,81 +103,100 @@ def _cut_layers(depth, speed, top, bottom, v, dz):
     return count + 1
 
 
-@compiled
-def _range_and_slope(q, v, dz, count, fastest):
-    """Horizontal range of the ray q, and its derivative by q."""
-    total, slope = 0.0, 0.0
-    a1 = (fastest - v[0]) * (fastest + v[0])
-    big1 = math.sqrt(1.0 + q * q * a1)
+@summing
+def _prepare(v, dz, count, fastest, layer):
+    """Rows of layer from its ends and thickness: (v1 + v2) dz; vmax^2 - v^2 and 1/v at the count + 1 ends."""
+    for k in range(count + 1):
+        layer[_BELOW, k] = (fastest - v[k]) * (fastest + v[k])
+        layer[_SLOWNESS, k] = 1.0 / v[k]
     for k in range(count):
-        a2 = (fastest - v[k + 1]) * (fastest + v[k + 1])
-        big2 = math.sqrt(1.0 + q * q * a2)
-        width = (v[k] + v[k + 1]) * dz[k] / (big1 + big2)
-        total += q * width
-        slope += width * (1.0 - q * q * (a1 / big1 + a2 / big2) / (big1 + big2))
-        a1, big1 = a2, big2
-    return total, slope
+        layer[_WEIGHT, k] = (v[k] + v[k + 1]) * dz[k]
+
+
+@summing
+def _range_and_slope(q, count, layer):
+    """Horizontal range of the ray q, and its derivative by q, which needs no more than the range itself.
+
+    With b = sqrt(1 + q^2 (vmax^2 - v^2)): range q sum w/(b1 + b2), derivative sum w/((b1 + b2) b1 b2).
+    """
+    weight, below, b = layer[_WEIGHT], layer[_BELOW], layer[_ROOT]
+    for k in range(count + 1):
+        b[k] = math.sqrt(1.0 + q * q * below[k])
+    total, slope = 0.0, 0.0
+    for k in range(count):
+        product = b[k] * b[k + 1]
+        width = weight[k] / ((b[k] + b[k + 1]) * product)
+        total += width * product
+        slope += width
+    return q * total, slope
 
 
 @compiled
-def _greatest_range(v, dz, count, fastest):
+def _greatest_range(count, layer):
     """Horizontal range that direct rays approach as they become level at the fastest depth."""
     total = 0.0
     for k in range(count):
-        s1 = math.sqrt((fastest - v[k]) * (fastest + v[k]))
-        s2 = math.sqrt((fastest - v[k + 1]) * (fastest + v[k + 1]))
-        if s1 + s2 == 0.0:
+        roots = math.sqrt(layer[_BELOW, k]) + math.sqrt(layer[_BELOW, k + 1])
+        if roots == 0.0:
             return math.inf
-        total += (v[k] + v[k + 1]) * dz[k] / (s1 + s2)
+        total += layer[_WEIGHT, k] / roots
     return total
 
 
 @compiled
-def _solve(wanted, v, dz, count, fastest):
-    """The ray q whose horizontal range is the one wanted, which some direct ray reaches."""
-    straight = 0.0
-    for k in range(count):
-        straight += 0.5 * (v[k] + v[k + 1]) * dz[k]
-    q = wanted / straight  # the range of this q is at most `wanted`
-    for _ in range(STEPS):
-        found, slope = _range_and_slope(q, v, dz, count, fastest)
+def _solve(wanted, count, layer):
+    """The ray q whose horizontal range is the one wanted; NaN if no direct ray reaches so far."""
+    q = 2.0 * wanted / np.sum(layer[_WEIGHT, :count])  # the range of this q is at most `wanted`
+    for k in range(STEPS):
+        found, slope = _range_and_slope(q, count, layer)
         step = (wanted - found) / slope
+        if k == DOUBTFUL and not wanted < _greatest_range(count, layer):
+            return math.nan
         q += step
-        if step <= 1e-15 * q:
+        if step <= ENOUGH * q:  # the error left is the square of this
             break
     return q
 
 
-@compiled
-def _time(q, v, dz, count, fastest):
-    """Travel time of the ray q."""
-    scale = math.sqrt(1.0 + q * q * fastest * fastest)
-    total = 0.0
-    big1 = math.sqrt(1.0 + q * q * (fastest - v[0]) * (fastest + v[0]))
+@summing
+def _time(q, count, layer, v, dz, scale):
+    """Travel time of the ray q, and the greatest x, beyond which the series is not good enough."""
+    slowness, below, b = layer[_SLOWNESS], layer[_BELOW], layer[_ROOT]
+    for k in range(count + 1):
+        b[k] = math.sqrt(1.0 + q * q * below[k])
+    total, greatest = 0.0, 0.0
     for k in range(count):
-        big2 = math.sqrt(1.0 + q * q * (fastest - v[k + 1]) * (fastest + v[k + 1]))
-        y = (v[k] + v[k + 1]) * scale / ((big1 + big2) * v[k] * v[k + 1])
+        y = (slowness[k] + slowness[k + 1]) * scale / (b[k] + b[k + 1])
+        x2 = ((v[k + 1] - v[k]) * y) ** 2
+        series = 1.0 + x2 * (-1 / 6 + x2 * (3 / 40 + x2 * (-5 / 112 + x2 * 35 / 1152)))  # asinh(x)/x
+        total += dz[k] * y * series
+        greatest = max(greatest, x2)
+    return total, math.sqrt(greatest)
+
+
+@compiled
+def _time_of_steep_layers(count, layer, v, dz, scale):
+    """The same where a layer's speed changes much along the ray."""
+    b, total = layer[_ROOT], 0.0
+    for k in range(count):
+        y = (layer[_SLOWNESS, k] + layer[_SLOWNESS, k + 1]) * scale / (b[k] + b[k + 1])
         x = (v[k + 1] - v[k]) * y
         x2 = x * x
         ratio = 1.0 - x2 / 6.0 + 0.075 * x2 * x2 if abs(x) < 1e-3 else math.asinh(x) / x
         total += dz[k] * y * ratio
-        big1 = big2
     return total
 
 
 @compiled
-def _fit_all(depth, speed, horizontal_range, target_depth, array_depth, out):
-    """One ray a column of out (6, N): time, both elevations, ray parameter, both depth derivatives."""
-    v, dz = np.empty(len(depth) + 2), np.empty(len(depth) + 1)
-    for i in range(len(horizontal_range)):
+def _fit_stretch(depth, speed, horizontal_range, target_depth, array_depth, first, stop, out):
+    """Rays `first` to `stop`, a column each of out (6, N): time, elevations, ray parameter, depth derivatives."""
+    v, dz, layer = np.empty(len(depth) + 2), np.empty(len(depth) + 1), np.empty((4, len(depth) + 2))
+    for i in range(first, stop):
         wanted, target, array = horizontal_range[i], target_depth[i], array_depth[i]
         if not (wanted >= 0.0 and math.isfinite(wanted) and math.isfinite(target) and math.isfinite(array)):
             continue
         top, bottom = min(target, array), max(target, array)
         count = _cut_layers(depth, speed, top, bottom, v, dz)
-        fastest = v[0]
-        for k in range(count):
-            fastest = max(fastest, v[k + 1])
         if bottom - top <= 1e-9 * max(bottom, 1.0):
             if wanted == 0.0:
                 out[:, i] = 0.0
@@ -173,16 +204,23 @@ def _fit_all(depth, speed, horizontal_range, target_depth, array_depth, out):
                 out[0, i], out[3, i] = wanted / v[0], 1.0 / v[0]
                 out[1, i] = out[2, i] = out[4, i] = out[5, i] = 0.0
             continue
-        if wanted >= _greatest_range(v, dz, count, fastest):
+        fastest = v[0]
+        for k in range(count):
+            fastest = max(fastest, v[k + 1])
+        _prepare(v, dz, count, fastest, layer)
+        q = _solve(wanted, count, layer)
+        if math.isnan(q):
             continue
-        q = _solve(wanted, v, dz, count, fastest)
-        p = q / math.sqrt(1.0 + q * q * fastest * fastest)
-        v_target, v_array = (v[0], v[count]) if target < array else (v[count], v[0])
         scale = math.sqrt(1.0 + q * q * fastest * fastest)
-        s_target = math.sqrt(1.0 + q * q * (fastest - v_target) * (fastest + v_target)) / scale
-        s_array = math.sqrt(1.0 + q * q * (fastest - v_array) * (fastest + v_array)) / scale
+        time, greatest = _time(q, count, layer, v, dz, scale)
+        if greatest > SERIES_LIMIT:
+            time = _time_of_steep_layers(count, layer, v, dz, scale)
+        p = q / scale
         up = 1.0 if target < array else -1.0
-        out[0, i] = _time(q, v, dz, count, fastest)
+        at_target, at_array = (0, count) if target < array else (count, 0)
+        v_target, v_array = v[at_target], v[at_array]
+        s_target, s_array = layer[_ROOT, at_target] / scale, layer[_ROOT, at_array] / scale
+        out[0, i] = time
         out[1, i] = up * math.atan2(s_target, p * v_target)
         out[2, i] = up * math.atan2(s_array, p * v_array)
         out[3, i] = p
@@ -192,8 +230,9 @@ def _fit_all(depth, speed, horizontal_range, target_depth, array_depth, out):
 
 @compiled
 def _speed_below(depth, speed, z):
-    """Speed one node below z: equal to that at z where the water there has one speed."""
-    return speed[min(np.searchsorted(depth, z, side="right"), len(depth) - 1)]
+    """Speed one node below z, at the last node one above: equal to that at z where the water has one speed."""
+    below = np.searchsorted(depth, z, side="right")
+    return speed[below] if below < len(depth) else speed[len(depth) - 2]
 
 
 @warms

@@ -16,7 +16,7 @@ import numpy as np
 
 from trackerlib.textfiles import InputError
 
-COMMANDS = ("gate", "timing", "constancy", "fix", "plan", "montecarlo", "study", "listen")
+COMMANDS = ("gate", "timing", "correct", "constancy", "fix", "plan", "montecarlo", "study", "listen")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

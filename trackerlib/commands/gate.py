@@ -8,8 +8,11 @@ from pathlib import Path
 
 from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, GatingResult, gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
+from trackerlib.crossover.segments import TrackSegment, straight_segments
 from trackerlib.rangefiles.arrays import parse_date, read_arrays
+from trackerlib.rangefiles.campaign import read_campaign
 from trackerlib.rangefiles.crossover_file import crossover_file_name, write_crossover
+from trackerlib.rangefiles.segment_file import segment_file_name, write_segment
 from trackerlib.rangefiles.tfile import HEADER_RECORDS, read_tfile
 from trackerlib.textfiles import InputError
 
@@ -19,9 +22,10 @@ SUMMARY = "match the tracks of every two arrays of a T-file"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `gate`."""
     add = parser.add_argument
-    add("tfile", type=Path, metavar="TFILE")
-    add("--arrays", type=Path, required=True, metavar="FILE", help="array table")
-    add("--mode", type=int, required=True, metavar="M", help="2 ship, 7 torpedo")
+    add("tfile", type=Path, nargs="?", metavar="TFILE")
+    add("--arrays", type=Path, metavar="FILE", help="array table")
+    add("--mode", type=int, metavar="M", help="2 ship, 7 torpedo")
+    add("--campaign", type=Path, metavar="FILE", help="all runs of a campaign, in place of the three above")
     add(
         "--header-records", type=int, default=HEADER_RECORDS, metavar="N", help="records to skip (default 31)"
     )
@@ -33,6 +37,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="G",
         help="a longer gap ends a pass (default 30)",
     )
+    add(
+        "--segments",
+        action="store_true",
+        help="write segment_AA_P.txt too: straight pieces of one array's track",
+    )
+    add(
+        "--keep-line",
+        type=int,
+        action="append",
+        default=[],
+        metavar="N",
+        help="of repeated reports keep this line",
+    )
     add("--run-date", metavar="DAY", help="day of the run (default: the one date in the header)")
     add("--out", type=Path, required=True, metavar="DIR", help="folder for crossover_AA_BB_P.txt")
 
@@ -40,21 +57,47 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict:
     """Writes the sets and returns the answer of `gate` as a document for JSON."""
     _check(args)
+    if args.campaign:
+        return run_campaign(args)
+    return run_one(args)
+
+
+def run_campaign(args: argparse.Namespace) -> dict:
+    """The answers of all runs of a campaign, each with its sets in a folder of its own."""
+    answers = []
+    for one in read_campaign(args.campaign).runs:
+        folder = args.out / f"day_{one.day}_run_{one.run}_mode_{one.mode}"
+        own = {
+            "tfile": one.tfile,
+            "arrays": one.arrays,
+            "mode": one.mode,
+            "header_records": one.header_records,
+        }
+        answer = run_one(argparse.Namespace(**{**vars(args), **own, "out": folder}))
+        answers.append({"day": one.day, "run": one.run, "mode": one.mode, "vehicle": one.vehicle, **answer})
+    return {"runs": answers, "simulated": any(answer["simulated"] for answer in answers)}
+
+
+def run_one(args: argparse.Namespace) -> dict:
+    """The answer for one T-file."""
     arrays = read_arrays(args.arrays)
-    tfile = read_tfile(args.tfile, args.header_records)
+    tfile = read_tfile(args.tfile, args.header_records, args.mode)
     try:
         run_date = parse_date(args.run_date) if args.run_date else tfile.run_date
     except ValueError as error:
         raise InputError(f"--run-date: {error}") from None
-    result = gate_reports(
-        tfile.reports, arrays.survey, args.mode, args.max_slant_range_ft, args.gap_counts, run_date
-    )
+    gates = (arrays.survey, args.mode, args.max_slant_range_ft, args.gap_counts)
+    result = gate_reports(tfile.reports, *gates, run_date, args.keep_line)
+    segments = straight_segments(tfile.reports, *gates) if args.segments else ()
     for record in arrays.bad_records:
         print(f"{args.arrays.name}, line {record.line}: {record.why}", file=sys.stderr)
     for note in (*arrays.notes, *tfile.warnings, *result.warnings):
         print(f"gate: {note}", file=sys.stderr)
     files = write_sets(args.out, result.sets)
-    return document(result, files, [*tfile.warnings, *result.warnings], tfile.simulated)
+    answer = document(result, files, [*tfile.warnings, *result.warnings], tfile.simulated)
+    if args.segments:
+        answer["segments"] = [_segment(segment, args.out) for segment in segments]
+    return answer
 
 
 def write_sets(folder: Path, sets: tuple[CrossoverSet, ...]) -> list[Path]:
@@ -90,6 +133,11 @@ def document(result: GatingResult, files: list[Path], warnings: list[str], simul
 
 def report(answer: dict) -> str:
     """The answer of `gate` for a person."""
+    if "runs" in answer:
+        parts = [
+            f"day {one['day']}, run {one['run']}, mode {one['mode']}\n{report(one)}" for one in answer["runs"]
+        ]
+        return "\n\n".join(parts)
     bad = answer["bad_records"]
     lines = ["SIMULATED DATA"] if answer["simulated"] else []
     lines += [
@@ -104,14 +152,35 @@ def report(answer: dict) -> str:
     lines += [
         f"{s['file']}  {s['points']} points, counts {s['first']} to {s['last']}" for s in answer["sets"]
     ] or ["no crossover set: no two arrays saw the vehicle at one point count"]
+    if "segments" in answer:
+        lines.append(f"{len(answer['segments'])} straight pieces of single arrays' tracks")
     return "\n".join(lines)
 
 
 def _check(args: argparse.Namespace) -> None:
+    told = [args.tfile, args.arrays, args.mode]
+    if args.campaign and any(value is not None for value in told):
+        raise InputError("--campaign names T-file, arrays and mode itself; wanted either it or those")
+    if not args.campaign and any(value is None for value in told):
+        raise InputError("wanted TFILE, --arrays FILE and --mode M, or --campaign FILE")
     if not args.max_slant_range_ft > 0:
         raise InputError(f"--max-slant-range-ft is {args.max_slant_range_ft:g}, wanted feet above 0")
     if args.gap_counts < 1:
         raise InputError(f"--gap-counts is {args.gap_counts}, wanted 1 or more")
+
+
+def _segment(segment: TrackSegment, folder: Path) -> dict:
+    """Writes a straight piece and says which."""
+    path = folder / segment_file_name(segment)
+    write_segment(path, segment)
+    return {
+        "file": str(path),
+        "array": segment.array,
+        "piece": segment.piece,
+        "points": len(segment.point_count),
+        "first": int(segment.point_count[0]),
+        "last": int(segment.point_count[-1]),
+    }
 
 
 def _set(crossover: CrossoverSet, path: Path) -> dict:

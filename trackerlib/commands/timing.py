@@ -8,14 +8,17 @@ import io
 import sys
 from pathlib import Path
 
+from trackerlib.crossover.gating import gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.rangefiles.arrays import read_arrays
-from trackerlib.rangefiles.crossover_file import read_crossover
+from trackerlib.rangefiles.campaign import read_campaign
+from trackerlib.rangefiles.crossover_file import crossover_file_name, read_crossover
 from trackerlib.rangefiles.m_matrix_file import read_m_matrix
+from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.textfiles import InputError, write_text
 from trackerlib.timing.causes import CauseFit, Ranking, compare_causes
-from trackerlib.timing.correction import TimingCorrection, fit_timing
+from trackerlib.timing.correction import METHODS, OUTLIERS, TimingCorrection, fit_timing
 
 SUMMARY = "estimate timing offset and drift from crossover sets"
 MOST_CAUSES = 12  # that an answer lists
@@ -37,14 +40,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("FILE", "LEFT", "RIGHT"),
         help="a crossover file and its two arrays",
     )
-    add("--arrays", type=Path, required=True, metavar="FILE", help="array table")
-    add("--profile", type=Path, required=True, metavar="VELOCITY.DAT", help="sound-speed table, ft and ft/s")
+    add("--arrays", type=Path, metavar="FILE", help="array table")
+    add("--profile", type=Path, metavar="VELOCITY.DAT", help="sound-speed table, ft and ft/s")
+    add("--campaign", type=Path, metavar="FILE", help="all runs of a campaign, in place of all the above")
     add("--profile-speeds", choices=("middle", "boundary"), default="middle", help="where its speeds belong")
     add("--covariance", type=Path, metavar="FILE", help="M in three rows (default: from straight lines)")
     add(
         "--causes",
         action="store_true",
         help="also compare what else could part the tracks, on all sets together",
+    )
+    add(
+        "--method",
+        choices=METHODS,
+        default=METHODS[0],
+        help="weigh directions alike, or by M until it settles",
+    )
+    add(
+        "--outliers",
+        choices=OUTLIERS,
+        default=OUTLIERS[0],
+        help="out of all, out of M alone, or in everything",
     )
     add("--day", metavar="D", help="day of these sets, for --out")
     add("--run", metavar="R", help="run of these sets, for --out")
@@ -53,6 +69,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict:
     """The answer of `timing` as a document for JSON; writes OFFSETS.csv where that is asked for."""
+    if args.campaign:
+        return run_campaign(args)
+    if args.arrays is None or args.profile is None:
+        raise InputError("wanted --arrays FILE and --profile VELOCITY.DAT, or --campaign FILE")
     if not args.crossover and not args.set:
         raise InputError("no crossover set given; wanted CROSSOVER files or --set FILE LEFT RIGHT")
     if args.out and (args.day is None or args.run is None):
@@ -105,6 +125,29 @@ def causes_document(ranking: Ranking) -> dict:
     }
 
 
+def run_campaign(args: argparse.Namespace) -> dict:
+    """The answer for every set of every run of a campaign; its T-files are gated on the way."""
+    if args.crossover or args.set or args.arrays or args.profile:
+        raise InputError("--campaign names its files itself; wanted either it or crossover sets")
+    answers, simulated = [], False
+    for one in read_campaign(args.campaign).runs:
+        survey = read_arrays(one.arrays).survey
+        profile = read_velocity(one.profile, args.profile_speeds).profile
+        tfile = read_tfile(one.tfile, one.header_records, one.mode)
+        gated = gate_reports(tfile.reports, survey, one.mode, run_date=tfile.run_date)
+        for note in (*tfile.warnings, *gated.warnings):
+            print(f"timing: day {one.day}, run {one.run}: {note}", file=sys.stderr)
+        for crossover in gated.sets:
+            file = Path(f"day_{one.day}_run_{one.run}_mode_{one.mode}") / crossover_file_name(crossover)
+            timed = fit_timing(crossover, survey, profile, method=args.method, outliers=args.outliers)
+            fit = document(file, crossover, timed)
+            answers.append({"day": one.day, "run": one.run, "vehicle": one.vehicle, **fit})
+        simulated |= tfile.simulated
+    if args.out:
+        write_text(args.out, offsets_csv(answers))
+    return {"sets": answers, "simulated": simulated}
+
+
 def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -> dict:
     """One set's correction under the keys that others rely on."""
 
@@ -139,16 +182,18 @@ def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -
     }
 
 
-def offsets_csv(answers: list[dict], day: str, run_name: str) -> str:
-    """The table of offsets: day, run, pair, offset_ms, and the other columns of Table 1 (Read 1990)."""
+def offsets_csv(answers: list[dict], day: str = "", run_name: str = "") -> str:
+    """The table of offsets: day, run, pair, offset_ms, and the other columns of Table 1 (Read 1990).
+
+    day, run_name : of the answers that do not name theirs
+    """
     out = io.StringIO()
     table = csv.DictWriter(out, COLUMNS, extrasaction="ignore", lineterminator="\n")
     table.writeheader()
     for answer in answers:
         pair = "-".join(map(str, answer["pair"]))
-        table.writerow(
-            {**answer, "day": day, "run": run_name, "pair": pair, "file": Path(answer["file"]).name}
-        )
+        named = {"day": day, "run": run_name, **answer, "pair": pair, "file": Path(answer["file"]).name}
+        table.writerow(named)
     return out.getvalue()
 
 

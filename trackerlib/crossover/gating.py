@@ -1,24 +1,42 @@
 """From the position reports of a run to crossover sets, through four gates, each counted.
 
 After KEYGATE, Read (1990), Appendix E, but a point count seen by three or four arrays keeps every pair of
-them, and a repeated report is judged by its own array's track (`repeats`).
+them, and a repeated report is judged by its own array's track (`repeats`). The gates: mode and edit mark; a
+point count that two arrays report; slant range; once more a point count that two arrays report.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
+from trackerlib.crossover.gate_scan import (
+    ALONE,
+    ALONE_IN_RANGE,
+    KEPT,
+    TOO_FAR,
+    UNPLACED,
+    find_repeats,
+    judge_reports,
+    match_pairs,
+    number_rows,
+    seen_numbers,
+)  # fmt: skip
 from trackerlib.crossover.pairs import CrossoverSet
-from trackerlib.crossover.repeats import RepeatChoice, resolve_repeats
+from trackerlib.crossover.repeats import RepeatChoice, choose_repeats
 from trackerlib.crossover.reports import PositionReports
 from trackerlib.crossover.survey import ArraySurvey
 from trackerlib.textfiles import BadRecord
 
 MAX_SLANT_RANGE_FT = 4700.0
 GAP_COUNTS = 30
+FEET_PER_METRE = 1 / 0.3048
+SELDOM, USUAL = (
+    0.1,
+    0.5,
+)  # shares of reports within range of their array that make a unit doubtful, and likely
 
 
 @dataclass(frozen=True)
@@ -42,7 +60,7 @@ class GatingResult:
     mode: int
     counts: GateCounts
     sets: tuple[CrossoverSet, ...]  # by array pair, then pass
-    choices: tuple[RepeatChoice, ...]
+    choices: Sequence[RepeatChoice]
     unplaced_arrays: dict[int, int]  # reports at the range gate by array without a surveyed position
     bad_records: tuple[BadRecord, ...]
     warnings: tuple[str, ...]
@@ -56,60 +74,65 @@ def gate_reports(
     max_slant_range_ft: float = MAX_SLANT_RANGE_FT,
     gap_counts: int = GAP_COUNTS,
     run_date: np.datetime64 | None = None,
+    keep_lines: Sequence[int] = (),
 ) -> GatingResult:
     """Crossover sets of the vehicle of one mode, with the count after each of the four gates.
 
+    keep_lines : lines to keep of repeated reports, where the choice made is not wanted
     Reports of an array that the table lacks, or has as a placeholder, have no slant range and are dropped,
     and counted, at the range gate. A survey later than `run_date` is warned about.
     """
     vehicle = gate_mode_and_flag(reports, mode)
-    paired = gate_several_arrays(vehicle)
-    placed, unplaced = _split_unplaced(paired, survey)
-    in_range = gate_slant_range(placed, survey, max_slant_range_ft)
-    repaired = gate_several_arrays(in_range)
-    single, choices = resolve_repeats(repaired, vehicle)
-    unplaced_arrays = {
-        int(a): int(n) for a, n in zip(*np.unique(unplaced.array, return_counts=True), strict=True)
-    }
+    numbers, row = _rows(vehicle.array)
+    place = _places(numbers, survey)
+    verdict, ended = judge_reports(vehicle.point_count, row, vehicle.position, place, max_slant_range_ft)
+    repaired = np.flatnonzero(verdict == KEPT)
+    repeats = find_repeats(vehicle.point_count[repaired], row[repaired])
+    single, choices = choose_repeats(vehicle, repaired, repeats, keep_lines)
+    unplaced = np.bincount(row[verdict == UNPLACED], minlength=len(numbers))
+    unplaced_arrays = {int(n): int(k) for n, k in zip(numbers, unplaced, strict=True) if k}
+    paired = len(vehicle) - int(ended[ALONE])
+    in_range = paired - int(ended[UNPLACED]) - int(ended[TOO_FAR])
     counts = GateCounts(
-        records_read=len(reports) + len(reports.bad_records),
+        records_read=len(reports) + reports.left_out + len(reports.bad_records),
         bad=len(reports.bad_records),
         kept_mode=len(vehicle),
-        kept_paired=len(paired),
-        kept_range=len(in_range),
-        kept_repaired=len(repaired),
+        kept_paired=paired,
+        kept_range=in_range,
+        kept_repaired=in_range - int(ended[ALONE_IN_RANGE]),
         repeats_left_out=len(repaired) - len(single),
-        unplaced=len(unplaced),
+        unplaced=int(ended[UNPLACED]),
     )
+    some = slice(None, None, 1 + len(vehicle) // 20_000)  # enough to tell feet from metres
+    sets = tuple(pair_up(vehicle.only(single), gap_counts))
     return GatingResult(
         mode=mode,
         counts=counts,
-        sets=tuple(pair_up(single, gap_counts)),
+        sets=sets,
         choices=choices,
         unplaced_arrays=unplaced_arrays,
         bad_records=reports.bad_records,
-        warnings=tuple(_warnings(reports, single, survey, mode, unplaced_arrays, run_date)),
+        warnings=(
+            *_warnings(reports, sets, survey, mode, unplaced_arrays, run_date),
+            *unit_doubts(vehicle.position[some], place[row[some]], max_slant_range_ft),
+        ),
         source=reports.source,
     )
 
 
 def gate_mode_and_flag(reports: PositionReports, mode: int) -> PositionReports:
     """Gate 1: reports of one vehicle's mode without an edit mark, in order of point count."""
-    kept = reports.only((reports.mode == mode) & ~reports.flagged)
+    wanted = (reports.mode == mode) & ~reports.flagged
+    kept = reports if wanted.all() else reports.only(wanted)
+    if np.all(kept.point_count[1:] >= kept.point_count[:-1]):
+        return kept
     return kept.only(np.argsort(kept.point_count, kind="stable"))
-
-
-def gate_several_arrays(reports: PositionReports) -> PositionReports:
-    """Gates 2 and 4: reports at point counts that two or more arrays report."""
-    seen = np.unique(np.column_stack([reports.point_count, reports.array]), axis=0)
-    count, arrays = np.unique(seen[:, 0], return_counts=True)
-    return reports.only(np.isin(reports.point_count, count[arrays >= 2]))
 
 
 def gate_slant_range(
     reports: PositionReports, survey: ArraySurvey, max_slant_range_ft: float
 ) -> PositionReports:
-    """Gate 3: reports at most so far from the surveyed position of the array that made them."""
+    """Gate 3 alone: reports at most so far from the surveyed position of the array that made them."""
     array_position = survey.position[survey.index_of(reports.array)]
     slant_range = np.linalg.norm(reports.position - array_position, axis=1)
     return reports.only(slant_range <= max_slant_range_ft)
@@ -120,45 +143,86 @@ def pair_up(reports: PositionReports, gap_counts: int = GAP_COUNTS) -> list[Cros
 
     reports : each array at most once at a point count, in order of point count
     """
-    tracks = {int(number): reports.only(reports.array == number) for number in np.unique(reports.array)}
-    sets = []
-    for a, b in combinations(tracks, 2):
-        counts, in_a, in_b = np.intersect1d(
-            tracks[a].point_count, tracks[b].point_count, assume_unique=True, return_indices=True
+    numbers, row = _rows(reports.array)
+    sizes, matches = match_pairs(reports.point_count, row, len(numbers))
+    sets: list[CrossoverSet] = []
+    end = 0
+    for a, b in np.argwhere(sizes):
+        first, second = matches[:, end : end + sizes[a, b]]
+        end += sizes[a, b]
+        whole = CrossoverSet(
+            pair=(int(numbers[a]), int(numbers[b])),
+            point_count=reports.point_count[first].astype(np.int64),
+            x=reports.position[first],
+            y=reports.position[second],
+            range_name=reports.range_name,
+            source=reports.source,
         )
-        if len(counts):
-            x, y = tracks[a].position[in_a], tracks[b].position[in_b]
-            whole = CrossoverSet((a, b), counts, x, y, 1, reports.range_name, reports.source)
-            sets += split_passes(whole, gap_counts)
+        sets += split_passes(whole, gap_counts)
     return sets
 
 
 def split_passes(crossover: CrossoverSet, gap_counts: int) -> list[CrossoverSet]:
     """Passes of a set, numbered from 1; one ends where point counts jump by more than the gap."""
     cuts = np.flatnonzero(np.diff(crossover.point_count) > gap_counts) + 1
-    parts = np.split(np.arange(crossover.points), cuts)
-    return [crossover.only(part).numbered(number) for number, part in enumerate(parts, 1)]
+    parts = zip([0, *cuts], [*cuts, crossover.points], strict=True)
+    return [crossover.only(slice(a, b)).numbered(number) for number, (a, b) in enumerate(parts, 1)]
 
 
-def _split_unplaced(reports: PositionReports, survey: ArraySurvey):
-    """Reports of arrays with a surveyed position, and of those without."""
-    row = survey.index_of(reports.array)
-    placed = row >= 0
-    placed[placed] = ~survey.placeholder[row[placed]]
-    return reports.only(placed), reports.only(~placed)
+def unit_doubts(position: np.ndarray, place: np.ndarray, limit: float) -> list[str]:
+    """A question, where tracks (N, 3) lie near their arrays (N, 3) only if one of the two is in metres."""
+
+    def near(a: float, b: float) -> float:
+        return float(np.mean(np.linalg.norm(a * position[known] - b * place[known], axis=1) <= limit))
+
+    known = ~np.isnan(place[:, 0])
+    if not known.any() or near(1, 1) > SELDOM:
+        return []
+    doubts = (("T-file", near(FEET_PER_METRE, 1)), ("array table", near(1, FEET_PER_METRE)))
+    return [
+        f"is the {which} in metres? {share:.0%} of the reports lie within {limit:g} ft of their array if it is, "
+        f"{near(1, 1):.0%} if it is in feet"
+        for which, share in doubts
+        if share > USUAL
+    ]
 
 
-def _warnings(reports, single, survey, mode, unplaced_arrays, run_date) -> list[str]:
+def _rows(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Array numbers (K,) that occur, ascending, and the place of each report's array among them (N,)."""
+    if not len(array):
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int16)
+    low, high = int(array.min()), int(array.max())
+    if high - low > 1000:
+        numbers, row = np.unique(array, return_inverse=True)
+        return numbers, row.astype(np.int16)
+    seen, row = np.zeros(high - low + 1, dtype=np.bool_), np.empty(len(array), dtype=np.int16)
+    seen_numbers(array, low, seen)
+    number_rows(array, low, (np.cumsum(seen) - 1).astype(np.int16), row)
+    return np.flatnonzero(seen) + low, row
+
+
+def _places(numbers: np.ndarray, survey: ArraySurvey) -> np.ndarray:
+    """Surveyed position (K, 3) of each array, NaN where it has none."""
+    row = survey.index_of(numbers)
+    place = np.full((len(numbers), 3), np.nan)
+    known = row >= 0
+    known[known] = ~survey.placeholder[row[known]]
+    place[known] = survey.position[row[known]]
+    return place
+
+
+def _warnings(reports, sets, survey, mode, unplaced_arrays, run_date) -> list[str]:
     warnings = []
-    if not np.any(reports.mode == mode):
-        have = ", ".join(map(str, np.unique(reports.mode)))
+    if not (mode in reports.other_modes or np.any(reports.mode == mode)):
+        modes = sorted({*reports.other_modes, *np.unique(reports.mode).tolist()})
+        have = ", ".join(map(str, modes))
         warnings.append(f"no report has mode {mode}; the file has modes {have}")
     for array, count in unplaced_arrays.items():
         row = int(survey.index_of(np.array([array]))[0])
         why = "is a placeholder in the array table" if row >= 0 else "is not in the array table"
         warnings.append(f"array {array} {why}: {count} reports have no slant range and are left out")
     if run_date is not None and not np.isnat(run_date):
-        used = survey.index_of(np.unique(single.array))
+        used = survey.index_of(np.unique(np.array([one.pair for one in sets], dtype=np.int64)))
         for row in used[survey.survey_date[used] > run_date]:
             number, day = survey.number[row], survey.survey_date[row]
             warnings.append(f"array {number} was surveyed on {day}, after the run of {run_date}")

@@ -34,8 +34,8 @@ class CrossoverSet:
         """Vector from the second array's version to the first's, W = X - Y (T, 3), eq. (7)."""
         return self.x - self.y
 
-    def only(self, keep: np.ndarray) -> CrossoverSet:
-        """The same set with the points where `keep` (T,) is true."""
+    def only(self, keep: np.ndarray | slice) -> CrossoverSet:
+        """The same set with the points where `keep` (T,) is true, or those of a slice."""
         return replace(self, point_count=self.point_count[keep], x=self.x[keep], y=self.y[keep])
 
     def numbered(self, pass_number: int) -> CrossoverSet:

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from trackerlib.compiled import compiled, in_threads, warms
+from trackerlib.crossover.gate_scan import find_repeats
 from trackerlib.crossover.reports import PositionReports
 
 NEIGHBOUR_COUNTS = 12  # how far in point counts a neighbour may be
 NEIGHBOURS_PER_SIDE = 5
+_MOST = 2 * NEIGHBOURS_PER_SIDE
+_PAIRS = _MOST * (_MOST - 1) // 2
+_FEWEST = 500  # repeats for which a thread of its own is worth its start
 
 
 @dataclass(frozen=True)
@@ -25,28 +33,82 @@ class RepeatChoice:
     reason: str
 
 
+@dataclass(frozen=True, eq=False)
+class RepeatChoices(Sequence):
+    """Every choice among repeats, in order of point count and array: a sequence of RepeatChoice."""
+
+    reports: PositionReports
+    kept: np.ndarray  # (R,) report that was kept
+    neighbours: np.ndarray  # (R,) reports of the array's own track that it was measured against
+    told: np.ndarray  # (R,) true where the caller named the line to keep
+    member: np.ndarray  # (R, M) the reports among which it was chosen, -1 behind the last
+    distance: np.ndarray  # (R, M) ft from where the array's own track puts the vehicle
+
+    def __len__(self) -> int:
+        return len(self.kept)
+
+    def __getitem__(self, k):
+        if isinstance(k, slice):
+            return tuple(self[i] for i in range(*k.indices(len(self))))
+        kept = int(self.kept[k])
+        member = self.member[k][self.member[k] >= 0]
+        distance = self.distance[k][: len(member)]
+        dropped = member != kept
+        return RepeatChoice(
+            array=int(self.reports.array[kept]),
+            point_count=int(self.reports.point_count[kept]),
+            kept_line=int(self.reports.line[kept]),
+            dropped_lines=tuple(self.reports.line[member[dropped]].tolist()),
+            kept_distance_ft=float(distance[~dropped][0]),
+            dropped_distances_ft=tuple(distance[dropped].tolist()),
+            reason=self._reason(k),
+        )
+
+    def _reason(self, k: int) -> str:
+        if self.told[k]:
+            return "this line was named as the one to keep"
+        if self.neighbours[k] == 0:
+            return f"the array has no other report within {NEIGHBOUR_COUNTS} counts; the first is kept"
+        return f"nearest to the array's own track through {self.neighbours[k]} neighbours"
+
+
+def choose_repeats(
+    tracks: PositionReports, kept: np.ndarray, firsts: np.ndarray, keep_lines: Sequence[int] = ()
+) -> tuple[np.ndarray, RepeatChoices]:
+    """Reports (K,) without those not chosen of repeats, and every choice that was made.
+
+    tracks : all reports of one vehicle in order of point count, those that no other array saw too, from which
+        the array's own track near a repeat is taken
+    kept : (K,) reports among which there are repeats
+    firsts : (R,) which of these are the first of a repeat
+    keep_lines : lines of the file to keep whatever their distance, which takes a choice back
+    """
+    firsts = firsts[np.lexsort((tracks.array[kept[firsts]], tracks.point_count[kept[firsts]]))]
+    told = np.isin(tracks.line[kept], np.asarray(keep_lines, dtype=np.int64))
+    most = _most_members(tracks.point_count, tracks.array, kept, firsts)
+    member = np.full((len(firsts), most), -1, dtype=np.int64)
+    distance = np.full((len(firsts), most), np.nan)
+    chosen, neighbours = np.empty(len(firsts), np.int64), np.empty(len(firsts), np.int64)
+    by_hand, keep = np.zeros(len(firsts), np.bool_), np.ones(len(kept), np.bool_)
+    cuts = [*range(0, len(firsts), max(_FEWEST, len(firsts) // 4 + 1)), len(firsts)]
+    columns = (tracks.point_count, tracks.array, tracks.position, kept, told, keep)
+    rows = (firsts, member, distance, chosen, neighbours, by_hand)
+    in_threads(_choose, [(*columns, *(row[a:b] for row in rows)) for a, b in pairwise(cuts)])
+    return kept[keep], RepeatChoices(tracks, chosen, neighbours, by_hand, member, distance)
+
+
 def resolve_repeats(
     reports: PositionReports, tracks: PositionReports
-) -> tuple[PositionReports, tuple[RepeatChoice, ...]]:
+) -> tuple[PositionReports, RepeatChoices]:
     """Reports with one report for each array and point count, and every choice that was made.
 
-    reports : of one vehicle, in order of point count
-    tracks : all reports of that vehicle in that order, those that no other array saw too, from which the
-        array's own track near a repeat is taken
+    reports : some of the vehicle's reports, in order of point count
+    tracks : all of them in that order, from which the array's own track near a repeat is taken
     """
-    order = np.lexsort((reports.line, reports.point_count, reports.array))
-    key = np.column_stack([reports.array, reports.point_count])[order]
-    starts = np.flatnonzero(np.any(np.diff(key, axis=0, prepend=-1) != 0, axis=1))
-    sizes = np.diff(starts, append=len(order))
-    keep = np.ones(len(reports), dtype=bool)
-    choices = []
-    for start, size in zip(starts[sizes > 1], sizes[sizes > 1], strict=True):
-        group = order[start : start + size]
-        best, choice = _choose(reports.only(group), tracks)
-        keep[np.delete(group, best)] = False
-        choices.append(choice)
-    choices.sort(key=lambda choice: (choice.point_count, choice.array))
-    return reports.only(keep), tuple(choices)
+    order = np.argsort(tracks.line, kind="stable")
+    kept = order[np.searchsorted(tracks.line, reports.line, sorter=order)]
+    kept, choices = choose_repeats(tracks, kept, find_repeats(reports.point_count, reports.array))
+    return tracks.only(kept), choices
 
 
 def predict_position(point_count: int, counts: np.ndarray, positions: np.ndarray) -> np.ndarray:
@@ -56,53 +118,114 @@ def predict_position(point_count: int, counts: np.ndarray, positions: np.ndarray
     these, weighted by how little each amplifies the neighbours' noise, so that a few wild neighbours do
     not move it.
     """
-    away = counts - point_count
-    if len(counts) == 0:
-        return np.full(3, np.nan)
-    i, j = np.triu_indices(len(counts), k=1)
-    i, j = i[away[i] != away[j]], j[away[i] != away[j]]
-    if not len(i):
-        return np.median(positions, axis=0)
-    share_j = -away[i] / (away[j] - away[i])
-    prediction = positions[i] + share_j[:, None] * (positions[j] - positions[i])
-    return _weighted_median(prediction, 1.0 / np.hypot(share_j, 1.0 - share_j))
+    predicted, pairs = np.empty(3), max(len(counts) * (len(counts) - 1) // 2, len(counts), 1)
+    away = np.asarray(counts, np.float64) - point_count
+    places = np.asarray(positions, np.float64)
+    _predict(away, places, len(counts), np.empty((4, pairs)), np.empty(pairs), predicted)
+    return predicted
 
 
-def _weighted_median(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Median of each column of `values` (K, 3) under one weight (K,)."""
-    order = np.argsort(values, axis=0)
-    total = np.cumsum(weight[order], axis=0)
-    middle = np.argmax(total >= 0.5 * total[-1], axis=0)
-    column = np.arange(values.shape[1])
-    return values[order[middle, column], column]
+@compiled
+def _predict(away, positions, size, value, weight, predicted):
+    """`predict_position` of neighbours so many counts `away`; value (4, pairs) and weight are room to work in."""
+    count = 0
+    for i in range(size):
+        for j in range(i + 1, size):
+            if away[i] != away[j]:
+                share = -away[i] / (away[j] - away[i])
+                value[3, count] = 1.0 / math.sqrt(share * share + (1.0 - share) * (1.0 - share))
+                for axis in range(3):
+                    value[axis, count] = positions[i, axis] + share * (
+                        positions[j, axis] - positions[i, axis]
+                    )
+                count += 1
+    if count == 0:
+        for axis in range(3):
+            predicted[axis] = np.median(positions[:size, axis].copy()) if size else np.nan
+        return
+    for axis in range(3):
+        weight[:count] = value[3, :count]
+        predicted[axis] = _weighted_median(value[axis, :count], weight[:count])
 
 
-def _neighbours(array: int, point_count: int, tracks: PositionReports) -> np.ndarray:
-    """Indices of the array's reports nearest in time on either side, those of the same count left out."""
-    limits = point_count + np.array([-NEIGHBOUR_COUNTS, 0, 1, NEIGHBOUR_COUNTS + 1])
-    first, here, next_count, last = np.searchsorted(tracks.point_count, limits)
-    before = first + np.flatnonzero(tracks.array[first:here] == array)
-    after = next_count + np.flatnonzero(tracks.array[next_count:last] == array)
-    return np.concatenate([before[-NEIGHBOURS_PER_SIDE:], after[:NEIGHBOURS_PER_SIDE]])
+@compiled
+def _weighted_median(value, weight):
+    """The value at which half of the weight is reached; both arrays are put in order."""
+    for i in range(1, len(value)):
+        v, w, j = value[i], weight[i], i - 1
+        while j >= 0 and value[j] > v:
+            value[j + 1], weight[j + 1] = value[j], weight[j]
+            j -= 1
+        value[j + 1], weight[j + 1] = v, w
+    half, k, total = 0.5 * np.sum(weight), 0, weight[0]
+    while total < half and k < len(value) - 1:
+        k += 1
+        total += weight[k]
+    return value[k]
 
 
-def _choose(repeats: PositionReports, tracks: PositionReports) -> tuple[int, RepeatChoice]:
-    array, count = int(repeats.array[0]), int(repeats.point_count[0])
-    near = _neighbours(array, count, tracks)
-    expected = predict_position(count, tracks.point_count[near], tracks.position[near])
-    distance = np.linalg.norm(repeats.position - expected, axis=1)
-    if len(near):
-        best = int(np.argmin(distance))
-        reason = f"nearest to the array's own track through {len(near)} neighbours"
-    else:
-        best = 0
-        reason = f"the array has no other report within {NEIGHBOUR_COUNTS} counts; the first is kept"
-    return best, RepeatChoice(
-        array=array,
-        point_count=count,
-        kept_line=int(repeats.line[best]),
-        dropped_lines=tuple(int(line) for line in np.delete(repeats.line, best)),
-        kept_distance_ft=float(distance[best]),
-        dropped_distances_ft=tuple(float(d) for d in np.delete(distance, best)),
-        reason=reason,
-    )
+@compiled
+def _neighbours(point_count, array, position, report, away, near):
+    """Fills the counts away and positions of the array's nearest other reports; how many there are."""
+    count, size = point_count[report], 0
+    for step in (-1, 1):
+        k, side = report + step, 0
+        while 0 <= k < len(point_count) and side < NEIGHBOURS_PER_SIDE:
+            if abs(point_count[k] - count) > NEIGHBOUR_COUNTS:
+                break
+            if point_count[k] != count and array[k] == array[report]:
+                away[size] = point_count[k] - count
+                near[size] = position[k]
+                size, side = size + 1, side + 1
+            k += step
+    return size
+
+
+@compiled
+def _most_members(point_count, array, kept, firsts):
+    """Of how many reports the greatest repeat consists."""
+    most = 1
+    for first in firsts:
+        size, k = 0, first
+        while k < len(kept) and point_count[kept[k]] == point_count[kept[first]]:
+            size += array[kept[k]] == array[kept[first]]
+            k += 1
+        most = max(most, size)
+    return most
+
+
+@compiled
+def _choose(
+    point_count, array, position, kept, told, keep, firsts, member, distance, chosen, neighbours, by_hand
+):
+    away, near, expected = np.empty(_MOST), np.empty((_MOST, 3)), np.empty(3)
+    value, weight = np.empty((4, _PAIRS)), np.empty(_PAIRS)
+    for r in range(len(firsts)):
+        first = kept[firsts[r]]
+        neighbours[r] = _neighbours(point_count, array, position, first, away, near)
+        _predict(away, near, neighbours[r], value, weight, expected)
+        size, best, k = 0, firsts[r], firsts[r]
+        least = np.inf
+        while k < len(kept) and point_count[kept[k]] == point_count[first]:
+            if array[kept[k]] == array[first]:
+                square = 0.0
+                for axis in range(3):
+                    square += (position[kept[k], axis] - expected[axis]) ** 2
+                member[r, size], distance[r, size] = kept[k], math.sqrt(square)
+                if told[k] or (distance[r, size] < least and not by_hand[r]):
+                    best, least = k, distance[r, size]
+                by_hand[r] |= told[k]
+                keep[k] = False
+                size += 1
+            k += 1
+        keep[best] = True
+        chosen[r] = kept[best]
+
+
+@warms
+def _warm() -> None:
+    count, rows = np.array([1, 2, 2], np.int32), np.zeros(3, np.int16)
+    line = np.arange(3, dtype=np.int32)
+    reports = PositionReports(line, count, np.zeros((3, 3)), rows, rows, rows > 0)
+    choose_repeats(reports, np.arange(3), np.array([1]))
+    predict_position(1, count, np.zeros((3, 3)))

@@ -20,8 +20,17 @@ class PositionReports:
     mode: np.ndarray  # (N,) 2 ship, 7 torpedo; others exist
     flagged: np.ndarray  # (N,) true where an edit mark says the report is not to be used
     bad_records: tuple[BadRecord, ...] = ()  # records that could not be read
+    left_out: int = (
+        0  # records that were read, of other modes or with an edit mark, where only one was asked for
+    )
+    other_modes: tuple[int, ...] = ()  # modes of these
     source: str = ""  # file they came from
     range_name: str = ""
+
+    def __post_init__(self):
+        # one type a column, whoever built it: the compiled passes are compiled for these
+        for name, kind in (("line", np.int32), ("point_count", np.int32), ("array", np.int16)):
+            object.__setattr__(self, name, np.asarray(getattr(self, name)).astype(kind, copy=False))
 
     def __len__(self) -> int:
         return len(self.line)

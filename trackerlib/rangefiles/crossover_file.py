@@ -88,6 +88,21 @@ def crossover_text(crossover: CrossoverSet, decimals: int = 1) -> str:
     return "\n".join(lines) + "\n"
 
 
+def write_trpdotrx(path: str | Path, crossover: CrossoverSet, survey: ArraySurvey) -> None:
+    """Writes a set as TIMECOR reads it (TRPDOTRX.DAT): no first line, and behind the records a trailer 999.
+
+    Raises InputError for an array that the survey lacks, whose position the trailer could not hold.
+    """
+    trailer = CrossoverSet(
+        crossover.pair,
+        np.array([TRAILER_COUNT]),
+        survey.position_of(crossover.pair[0])[None, :],
+        survey.position_of(crossover.pair[1])[None, :],
+    )
+    records = (crossover_text(one).split("\n", 1)[1] for one in (crossover, trailer))
+    write_text(path, "".join(records))
+
+
 def crossover_file_name(crossover: CrossoverSet) -> str:
     """crossover_AA_BB_P.txt: the array pair and the number of the pass."""
     return "crossover_{:02d}_{:02d}_{}.txt".format(*crossover.pair, crossover.pass_number)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from mmap import mmap
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +17,14 @@ import numpy as np
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.reports import PositionReports
 from trackerlib.rangefiles.arrays import parse_date
-from trackerlib.textfiles import BadRecord, InputError, decode_lines, read_bytes
+from trackerlib.rangefiles.record_scan import COLUMNS, EVERY_MODE, first_lines, joined, scan_records
+from trackerlib.textfiles import BadRecord, InputError, decode_lines, map_bytes
 
 HEADER_RECORDS = 31
 MAX_HEADER_RECORDS = 1000  # how far a header is looked for
-COLUMNS = 68
-_CHUNK = 200_000  # records parsed at a time, to bound the memory of a file of millions
-_BLANK, _POINT, _PLUS, _MINUS, _ZERO, _NEWLINE = (ord(c) for c in " .+-0\n")
+_HEAD_BYTES = 65_536
+_CHUNK = 200_000  # lines judged at a time, to bound the memory of a file of millions that are odd
+_BLANK, _POINT, _PLUS, _MINUS, _ZERO, _END_OF_FILE = (ord(c) for c in " .+-0\x1a")
 
 
 @dataclass(frozen=True)
@@ -76,91 +78,160 @@ class TFileReading:
         return SoundSpeedProfile(depth, speed, "ft", name)
 
 
-def read_tfile(path: str | Path, header_records: int | None = HEADER_RECORDS) -> TFileReading:
+def read_tfile(
+    path: str | Path, header_records: int | None = HEADER_RECORDS, mode: int | None = None
+) -> TFileReading:
     """Reports of a T-file; records that cannot be read are kept apart with their line numbers.
 
     header_records : how many lines to skip; None takes all before the first that is a position record
+    mode : keep only reports of that mode without an edit mark; the others are checked and counted
     Warns of a header count that cuts data off or leaves header in. Raises InputError if the file cannot be
     read, is shorter than its header, or holds no record.
     """
-    return parse_tfile(read_bytes(path), Path(path).name, header_records)
+    return parse_tfile(map_bytes(path), Path(path).name, header_records, mode)
 
 
-def parse_tfile(content: bytes, name: str, header_records: int | None = HEADER_RECORDS) -> TFileReading:
+def parse_tfile(
+    content: bytes | mmap, name: str, header_records: int | None = HEADER_RECORDS, mode: int | None = None
+) -> TFileReading:
     """The same from the bytes of a file (or upload) called `name`."""
-    content = _one_byte_text(content, name)
-    starts, lengths = _line_places(content)
-    if header_records is None:
-        lines = content.decode("latin-1").split("\n", MAX_HEADER_RECORDS)[:MAX_HEADER_RECORDS]
-        header_records = next((n for n, line in enumerate(lines) if _is_record(line)), 0)
-    if header_records < 0:
-        raise InputError(f"{name}: header count is {header_records}, wanted 0 or more")
-    if len(starts) <= header_records:
-        raise InputError(
-            f"{name}: found {len(starts)} lines, wanted {header_records} of header and then records"
-        )
-    text = np.frombuffer(content, dtype=np.uint8)
-    head = [
-        content[start : start + length].decode("latin-1")
-        for start, length in zip(starts[:header_records], lengths[:header_records], strict=True)
-    ]
-    title = " ".join(line for line in head if not _speed_pairs(line)).upper()
-    simulated = "SYNTHETIC" in title or "SIMULATED" in title
-    reports = _reports(text, starts, lengths, header_records, name, "SIMULATED" if simulated else "")
-    return TFileReading(
-        reports=reports,
-        header=tuple(head),
-        sound_speed_table=_sound_speed_table(head),
-        run_date=_only_date(title),
-        simulated=simulated,
-        warnings=tuple(_header_warnings(head, reports)),
-    )
+    decode_lines(content[:_HEAD_BYTES], name)  # refuses what is no text
+    reading = _read_plain(content, name, header_records, mode)
+    return reading or _read_plain(one_byte_text(content[:], name), name, header_records, mode, foreign=True)
 
 
-def _one_byte_text(content: bytes, name: str) -> bytes:
-    """The file with one byte a character and Unix line ends, so that columns can be counted in bytes."""
-    decode_lines(content[:65536], name)  # refuses what is no text
+def one_byte_text(content: bytes, name: str) -> bytes:
+    """A file with one byte a character and Unix line ends, so that columns can be counted in bytes."""
     content = content.rstrip(b"\x1a").replace(b"\r\n", b"\n")
     if not content.isascii() or b"\r" in content:
         content = "\n".join(decode_lines(content, name)).encode("latin-1", errors="replace")
     return content
 
 
-def _line_places(content: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Where each line starts and how long it is without its end."""
-    ends = np.flatnonzero(np.frombuffer(content, dtype=np.uint8) == _NEWLINE)
-    if not content.endswith(b"\n"):
-        ends = np.append(ends, len(content))
-    starts = np.concatenate(([0], ends[:-1] + 1))
-    return starts, ends - starts
+@dataclass(frozen=True)
+class _Records:
+    """All lines of a file behind its header, read or judged."""
+
+    columns: list[np.ndarray]  # line, point count, position, array, mode, flag
+    bad: list[BadRecord]
+    read: int  # records that were read, of any mode
+    modes: tuple[int, ...]  # of these
+    first_line: int | None  # of these
 
 
-def _reports(text, starts, lengths, header_records, name, range_name) -> PositionReports:
-    """Reports of all lines after the header. Raises InputError if there is none."""
-    parts, bad = [], []
-    for first in range(header_records, len(starts), _CHUNK):
-        last = min(first + _CHUNK, len(starts))
-        part, part_bad = _parse_records(
-            _columns(text, starts[first:last], lengths[first:last]), lengths[first:last], first + 1
-        )
-        parts.append(part)
-        bad += part_bad
-    line, values, flagged = (np.concatenate(column) for column in zip(*parts, strict=True))
-    if not len(line):
-        why = f"; line {bad[0].line}: {bad[0].why}" if bad else ""
+def _read_plain(content, name, header_records, mode, foreign=False) -> TFileReading | None:
+    """The reading of a text of Unix lines in ASCII; None if it is none, unless the caller made it `foreign`."""
+    if header_records is None:
+        lines = content[:_HEAD_BYTES].decode("latin-1").split("\n", MAX_HEADER_RECORDS)[:MAX_HEADER_RECORDS]
+        header_records = next((n for n, line in enumerate(lines) if _is_record(line)), 0)
+    if header_records < 0:
+        raise InputError(f"{name}: header count is {header_records}, wanted 0 or more")
+    start = _line_place(content, header_records)
+    head_text = content[: len(content) if start is None else start]
+    if not foreign and not (head_text.isascii() and b"\r" not in head_text):
+        return None
+    head = head_text.decode("latin-1").split("\n")
+    if start is None:
+        lines = len(head) - (head[-1] == "")
+        raise InputError(f"{name}: found {lines} lines, wanted {header_records} of header and then records")
+    head = head[:-1]
+    found = _read_records(np.frombuffer(content, dtype=np.uint8), start, header_records + 1, mode, foreign)
+    if found is None:
+        return None
+    if found.first_line is None:
+        why = f"; line {found.bad[0].line}: {found.bad[0].why}" if found.bad else ""
         raise InputError(f"{name}: found no position record after {header_records} lines of header{why}")
-    whole = values[:, [0, 4, 5]].astype(np.int64)
-    return PositionReports(
+    return _reading(head, found, name, everything=mode is None)
+
+
+def _reading(head: list[str], found: _Records, name: str, everything: bool) -> TFileReading:
+    title = " ".join(line for line in head if not _speed_pairs(line)).upper()
+    simulated = "SYNTHETIC" in title or "SIMULATED" in title
+    line, point_count, position, array, mode, flagged = found.columns
+    reports = PositionReports(
         line=line,
-        point_count=whole[:, 0],
-        position=values[:, 1:4],
-        array=whole[:, 1],
-        mode=whole[:, 2],
+        point_count=point_count,
+        position=position,
+        array=array,
+        mode=mode,
         flagged=flagged,
-        bad_records=tuple(bad),
+        bad_records=tuple(found.bad),
+        left_out=found.read - len(line),
+        other_modes=() if everything else found.modes,
         source=name,
-        range_name=range_name,
+        range_name="SIMULATED" if simulated else "",
     )
+    return TFileReading(
+        reports=reports,
+        header=tuple(head),
+        sound_speed_table=_sound_speed_table(head),
+        run_date=_only_date(title),
+        simulated=simulated,
+        warnings=tuple(_header_warnings(head, found.first_line)),
+    )
+
+
+def _line_place(content: bytes | mmap, lines: int) -> int | None:
+    """Where the line after so many begins, or None if there is none."""
+    start = 0
+    for _ in range(lines):
+        start = content.find(b"\n", start) + 1
+        if start == 0:
+            return None
+    return start if start < len(content) else None
+
+
+def _read_records(text, start, first_line, mode, foreign) -> _Records | None:
+    """Records of all lines from `start` on: the well-formed ones by the compiled scan, the others judged."""
+    while len(text) > start and text[-1] == _END_OF_FILE:
+        text = text[:-1]
+    plain = np.where(text > 127, ord("?"), text).astype(np.uint8) if foreign else text
+    scans = scan_records(plain, start, EVERY_MODE if mode is None else mode)
+    if any(scan.foreign for scan in scans):
+        return None
+    columns = joined(scans, first_line)
+    modes = np.sum([scan.modes for scan in scans], axis=0)
+    seen = [int(scan.first_line) + n for scan, n in zip(scans, first_lines(scans, first_line), strict=True)
+            if scan.first_line >= 0]  # fmt: skip
+    line, values, flagged, bad = judge_lines(text, np.concatenate([scan.odd for scan in scans]))
+    if len(line):
+        seen.append(int(line[0]))
+        modes = modes + np.bincount(values[:, 5].astype(np.int64), minlength=len(modes))
+        wanted = np.full(len(line), True) if mode is None else (values[:, 5] == mode) & ~flagged
+        judged = (line, values[:, 0], values[:, 1:4], values[:, 4], values[:, 5], flagged)
+        columns = _in_order(columns, [column[wanted] for column in judged])
+    return _Records(
+        columns=columns,
+        bad=bad,
+        read=int(modes.sum()),
+        modes=tuple(np.flatnonzero(modes).tolist()),
+        first_line=min(seen, default=None),
+    )
+
+
+def _in_order(columns: list[np.ndarray], more: list[np.ndarray]) -> list[np.ndarray]:
+    """Both lots of reports as one, in the order of their lines, which stand first."""
+    if not len(more[0]):
+        return columns
+    order = np.argsort(np.concatenate([columns[0], more[0]]), kind="stable")
+    return [
+        np.concatenate([column, extra.astype(column.dtype)])[order]
+        for column, extra in zip(columns, more, strict=True)
+    ]
+
+
+def judge_lines(text: np.ndarray, places: np.ndarray):
+    """Line numbers, values (N, 6) and edit marks of the lines that are records, and the bad ones.
+
+    text : bytes of the file, one a character
+    places : (K, 3) number, start and length of each line
+    """
+    parts = [
+        _parse_records(_columns(text, lines[:, 1], lines[:, 2]), lines[:, 2], lines[:, 0])
+        for lines in np.split(places, range(_CHUNK, len(places), _CHUNK))
+    ]
+    line, values, flagged = (np.concatenate(column) for column in zip(*[p[:3] for p in parts], strict=True))
+    return line, values, flagged, [record for part in parts for record in part[3]]
 
 
 def _columns(text: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -170,7 +241,7 @@ def _columns(text: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> np.nd
     return np.where(column < lengths[:, None], text[place], _BLANK)
 
 
-def _parse_records(columns: np.ndarray, lengths: np.ndarray, first_line: int):
+def _parse_records(columns: np.ndarray, lengths: np.ndarray, numbers: np.ndarray):
     """Line numbers, values (N, 6) and flags of the records that can be read; and the bad ones.
 
     A record with an edit mark may have any position, unless the mark is part of a number: then the columns
@@ -186,12 +257,12 @@ def _parse_records(columns: np.ndarray, lengths: np.ndarray, first_line: int):
     read = good.all(axis=1) | (flagged & ~is_number & good[:, whole].all(axis=1))
     written = np.any(columns != _BLANK, axis=1)
     bad = [
-        BadRecord(first_line + int(k), _why_bad(columns[k], int(lengths[k]), good[k]))
+        BadRecord(int(numbers[k]), _why_bad(columns[k], int(lengths[k]), good[k]))
         for k in np.flatnonzero(written & ~read)
     ]
     keep = written & read
     values = np.where(good, values, 0.0)  # of a record with an edit mark, which no gate lets through
-    return (first_line + np.flatnonzero(keep), values[keep], flagged[keep]), bad
+    return numbers[keep], values[keep], flagged[keep], bad
 
 
 def parse_numbers(field: np.ndarray, decimals: int) -> tuple[np.ndarray, np.ndarray]:
@@ -226,7 +297,7 @@ def _why_bad(columns: np.ndarray, length: int, good: np.ndarray) -> str:
     return f"{where} ({field.name}) hold {text[field.first - 1 : field.last]!r}, wanted {field.wanted}"
 
 
-def _header_warnings(head: list[str], reports: PositionReports) -> list[str]:
+def _header_warnings(head: list[str], first_line: int) -> list[str]:
     """What is odd about the count of header records."""
     warnings = []
     cut = [n for n, line in enumerate(head, 1) if _is_record(line)]
@@ -235,7 +306,7 @@ def _header_warnings(head: list[str], reports: PositionReports) -> list[str]:
             f"the header count {len(head)} cuts {len(cut)} position records off, from line {cut[0]} on; "
             f"the header seems to have {cut[0] - 1} records"
         )
-    lead = int(reports.line[0]) - 1
+    lead = first_line - 1
     if lead > len(head):
         warnings.append(
             f"the first record that can be read is line {lead + 1}: the header count {len(head)} may leave "

@@ -1,0 +1,141 @@
+"""`correct TFILE`: a corrected copy of a T-file, through curved rays; the original is never touched."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from trackerlib.rangefiles.arrays import read_arrays
+from trackerlib.rangefiles.calibration_file import read_calibration
+from trackerlib.rangefiles.corrected_tfile import CorrectedCopy, corrected_copy
+from trackerlib.rangefiles.tfile import HEADER_RECORDS, TFileReading, parse_tfile
+from trackerlib.rangefiles.velocity_file import read_velocity
+from trackerlib.textfiles import InputError, read_bytes, write_bytes
+from trackerlib.timing.track_correction import CorrectedReports, correct_reports
+
+SUMMARY = "write a copy of a T-file with its positions corrected"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `correct`."""
+    add = parser.add_argument
+    add("tfile", type=Path, metavar="TFILE")
+    add("--arrays", type=Path, required=True, metavar="FILE", help="array table")
+    add("--profile", type=Path, required=True, metavar="VELOCITY.DAT", help="sound-speed table, ft and ft/s")
+    add("--profile-speeds", choices=("middle", "boundary"), default="middle", help="where its speeds belong")
+    add("--offset-ms", type=float, default=0.0, metavar="D", help="timing offset, positive stretches")
+    add("--drift-ms-per-count", type=float, default=0.0, metavar="M", help="its change with the point count")
+    add("--t0", type=float, metavar="T", help="point count at which the offset holds; needed with a drift")
+    add("--calibration", type=Path, metavar="CALIBRATE.json", help="rotation and intercept of each array")
+    add("--mode", type=int, metavar="M", help="only this vehicle (default: all)")
+    add("--header-records", type=int, default=HEADER_RECORDS, metavar="N", help="default 31")
+    add("--out", type=Path, required=True, metavar="FILE", help="the copy")
+
+
+def run(args: argparse.Namespace) -> dict:
+    """Writes the copy and returns the answer of `correct` as a document for JSON."""
+    _check(args)
+    survey = read_arrays(args.arrays).survey
+    profile = read_velocity(args.profile, args.profile_speeds).profile
+    movements = read_calibration(args.calibration) if args.calibration else {}
+    content = read_bytes(args.tfile)
+    tfile = parse_tfile(content, args.tfile.name, args.header_records)
+    corrected = correct_reports(
+        tfile.reports,
+        survey,
+        profile,
+        1e-3 * args.offset_ms,
+        1e-3 * args.drift_ms_per_count,
+        args.t0 or 0.0,
+        args.mode,
+        movements,
+    )
+    copy = corrected_copy(
+        content, args.tfile.name, tfile, corrected.which, corrected.position, provenance(args)
+    )
+    write_bytes(args.out, copy.content)
+    warnings = [*tfile.warnings, *_warnings(args, tfile, corrected, copy)]
+    for note in warnings:
+        print(f"correct: {note}", file=sys.stderr)
+    return document(args, tfile, corrected, copy, warnings)
+
+
+def provenance(args: argparse.Namespace) -> str:
+    """What was done, in one line for the header of the copy."""
+    parts = [f"CORRECTED COPY OF {args.tfile.name}: OFFSET {args.offset_ms:g} MS"]
+    if args.drift_ms_per_count:
+        parts.append(f"DRIFT {args.drift_ms_per_count:g} MS A COUNT ABOUT COUNT {args.t0:g}")
+    parts.append("ALL VEHICLES" if args.mode is None else f"MODE {args.mode}")
+    parts.append(f"PROFILE {args.profile.name}, ARRAYS {args.arrays.name}")
+    if args.calibration:
+        parts.append(f"CALIBRATION {args.calibration.name}")
+    return ", ".join(parts)
+
+
+def document(
+    args: argparse.Namespace,
+    tfile: TFileReading,
+    corrected: CorrectedReports,
+    copy: CorrectedCopy,
+    warnings: list[str],
+) -> dict:
+    """The answer under the keys that others rely on."""
+    before = tfile.reports.position[corrected.which]
+    change = np.linalg.norm(corrected.position - before, axis=1)[copy.written]
+    total = len(tfile.reports) + len(tfile.reports.bad_records)
+    return {
+        "file": str(args.out),
+        "corrected": int(copy.written.sum()),
+        "untouched": total - int(copy.written.sum()),
+        "largest_change_ft": float(change.max(initial=0.0)),
+        "in_shadow": corrected.in_shadow,
+        "unplaced_arrays": corrected.unplaced,
+        "bad_records": [
+            {"line": record.line, "why": record.why}
+            for record in (*tfile.reports.bad_records, *copy.too_wide)
+        ],
+        "warnings": warnings,
+        "simulated": tfile.simulated,
+    }
+
+
+def report(answer: dict) -> str:
+    """The answer of `correct` for a person."""
+    lines = ["SIMULATED DATA"] if answer["simulated"] else []
+    lines += [
+        f"{answer['corrected']} positions corrected, the farthest moved {answer['largest_change_ft']:.1f} ft",
+        f"{answer['untouched']} records left as they were",
+        f"written to {answer['file']}",
+    ]
+    return "\n".join(lines)
+
+
+def _check(args: argparse.Namespace) -> None:
+    for name in ("offset_ms", "drift_ms_per_count", "t0"):
+        value = getattr(args, name)
+        if value is not None and not np.isfinite(value):
+            raise InputError(f"--{name.replace('_', '-')} is {value}, wanted a number")
+    if args.drift_ms_per_count and args.t0 is None:
+        raise InputError("--drift-ms-per-count needs --t0, the point count at which the offset holds")
+    if args.out.exists() and args.tfile.exists() and args.out.samefile(args.tfile):
+        raise InputError(f"--out is {args.out}, the T-file itself; wanted another file")
+
+
+def _warnings(args, tfile, corrected, copy) -> list[str]:
+    warnings = [
+        f"array {array} has no surveyed position: {count} reports are left as they were"
+        for array, count in corrected.unplaced.items()
+    ]
+    if corrected.in_shadow:
+        warnings.append(
+            f"no direct ray joins {corrected.in_shadow} reports to their array; left as they were"
+        )
+    if not args.header_records:
+        warnings.append("the file has no header: the copy cannot say that it is corrected")
+    if args.mode is not None and not np.any(tfile.reports.mode == args.mode):
+        warnings.append(f"no report has mode {args.mode}; nothing was corrected")
+    warnings += [f"line {record.line}: {record.why}" for record in copy.too_wide]
+    return warnings

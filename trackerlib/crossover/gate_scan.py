@@ -1,0 +1,159 @@
+"""Compiled passes over the reports of one vehicle, a point count at a time.
+
+Reports stand in order of point count, so all that a gate asks of one point count lies side by side. Passes run
+in threads that split where the point count changes.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+
+import numpy as np
+
+from trackerlib.compiled import compiled, in_threads, warms
+
+ALONE, UNPLACED, TOO_FAR, ALONE_IN_RANGE, KEPT = range(5)  # where a report ends
+_FEWEST = 50_000  # reports for which a thread of its own is worth its start
+
+
+def judge_reports(
+    point_count: np.ndarray, array: np.ndarray, position: np.ndarray, place: np.ndarray, limit: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where each report (N,) ends: ALONE, UNPLACED, TOO_FAR, ALONE_IN_RANGE or KEPT; and how many of each (5,).
+
+    array : (N,) row of the reporting array in `place`
+    place : (K, 3) surveyed positions, NaN where an array has none
+    limit : greatest slant range
+    """
+    verdict = np.empty(len(point_count), dtype=np.uint8)
+    columns = (point_count, array, position, place, limit)
+    jobs = [(*columns, a, b, verdict) for a, b in _stretches(point_count)]
+    return verdict, np.sum(in_threads(_judge, jobs), axis=0)
+
+
+def match_pairs(point_count: np.ndarray, array: np.ndarray, arrays: int) -> tuple[np.ndarray, np.ndarray]:
+    """Every two reports of one point count, by pair of arrays.
+
+    array : (N,) rows from 0 to arrays - 1, in order of array number; each once at a point count
+    Returns how many matches each pair has (arrays, arrays) and the two reports of each (2, P), pair by pair, in
+    order of point count within one.
+    """
+    sizes = np.zeros(arrays * arrays, dtype=np.int64)
+    _match(point_count, array, arrays, sizes, np.empty((2, 0), dtype=np.int64))
+    place = np.cumsum(sizes) - sizes
+    matches = np.empty((2, sizes.sum()), dtype=np.int64)
+    _match(point_count, array, arrays, place, matches)
+    return sizes.reshape(arrays, arrays), matches
+
+
+def _stretches(point_count: np.ndarray) -> list[tuple[int, int]]:
+    """Stretches of reports, one a thread, that cut no point count in two."""
+    size = len(point_count)
+    parts = max(1, min(os.cpu_count() or 1, size // _FEWEST))
+    cuts = [0]
+    for k in range(1, parts):
+        cuts.append(int(np.searchsorted(point_count, point_count[k * size // parts])))
+    return list(zip(cuts, [*cuts[1:], size], strict=True))
+
+
+@compiled
+def _group_end(point_count, start, stop):
+    end = start + 1
+    while end < stop and point_count[end] == point_count[start]:
+        end += 1
+    return end
+
+
+@compiled
+def _judge(point_count, array, position, place, limit, first, stop, verdict):
+    counts = np.zeros(5, np.int64)
+    start = first
+    while start < stop:
+        end = _group_end(point_count, start, stop)
+        alone = True
+        for k in range(start + 1, end):
+            alone &= array[k] == array[start]
+        nearest, several = -1, False
+        for k in range(start, end):
+            ends = ALONE
+            if not alone:
+                row, square = array[k], 0.0
+                for axis in range(3):
+                    square += (position[k, axis] - place[row, axis]) ** 2
+                ends = KEPT if math.sqrt(square) <= limit else UNPLACED if math.isnan(square) else TOO_FAR
+                if ends == KEPT:
+                    several |= nearest >= 0 and nearest != row
+                    nearest = row
+            verdict[k] = ends
+            counts[ends] += 1
+        if nearest >= 0 and not several:
+            for k in range(start, end):
+                if verdict[k] == KEPT:
+                    verdict[k] = ALONE_IN_RANGE
+                    counts[KEPT] -= 1
+                    counts[ALONE_IN_RANGE] += 1
+        start = end
+    return counts
+
+
+@compiled
+def find_repeats(point_count, array):
+    """Reports (R,) that are the first of several of their array at their point count."""
+    found, count = np.empty(64, np.int64), 0
+    start = 0
+    while start < len(point_count):
+        end = _group_end(point_count, start, len(point_count))
+        for k in range(start, end):
+            earlier = later = False
+            for j in range(start, k):
+                earlier |= array[j] == array[k]
+            for j in range(k + 1, end):
+                later |= array[j] == array[k]
+            if later and not earlier:
+                if count == len(found):
+                    found = np.concatenate((found, np.empty_like(found)))
+                found[count] = k
+                count += 1
+        start = end
+    return found[:count]
+
+
+@compiled
+def _match(point_count, array, arrays, place, matches):
+    """Writes the matches of each pair from its place on, which moves; without room for any it only counts."""
+    start = 0
+    while start < len(point_count):
+        end = _group_end(point_count, start, len(point_count))
+        for j in range(start, end):
+            for k in range(j + 1, end):
+                low, high = (j, k) if array[j] < array[k] else (k, j)
+                pair = array[low] * arrays + array[high]
+                if matches.shape[1] > 0:
+                    matches[0, place[pair]], matches[1, place[pair]] = low, high
+                place[pair] += 1
+        start = end
+
+
+@compiled
+def number_rows(array, low, rows, row):
+    """Fills row (N,) from the table `rows` of array number less `low`."""
+    for k in range(len(array)):
+        row[k] = rows[array[k] - low]
+
+
+@compiled
+def seen_numbers(array, low, seen):
+    """Marks the array numbers, less `low`, that occur."""
+    for number in array:
+        seen[number - low] = True
+
+
+@warms
+def _warm() -> None:
+    count, rows = np.zeros(2, np.int32), np.arange(2, dtype=np.int16)
+    judge_reports(count, rows, np.zeros((2, 3)), np.zeros((2, 3)), 1.0)
+    find_repeats(count, rows)
+    match_pairs(count, rows, 2)
+    seen_numbers(rows, 0, np.zeros(2, np.bool_))
+    number_rows(rows, 0, rows, rows.copy())

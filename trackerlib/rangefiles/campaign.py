@@ -1,0 +1,139 @@
+"""A campaign: which T-file holds which run of which vehicle on which day, with that day's profile and survey.
+
+JSON or TOML, told by the file's name; paths are relative to it:
+
+    {"name": "June", "arrays": "arrays.csv", "profiles": {"1": "VELOCITY1.DAT", "2": "VELOCITY2.DAT"},
+     "runs": [{"day": "1", "run": "1", "tfile": "run1.dat", "mode": 7, "vehicle": "MK 30"}, ...]}
+
+A run may name its own `arrays`, `profile` and `header_records`; the profile of its day serves otherwise.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+from trackerlib.rangefiles.tfile import HEADER_RECORDS
+from trackerlib.textfiles import InputError, decode_lines, read_bytes, write_text
+
+_RUN_KEYS = {"day", "run", "tfile", "mode", "vehicle", "arrays", "profile", "header_records"}
+
+
+@dataclass(frozen=True)
+class CampaignRun:
+    """One vehicle's run and the files that belong to it."""
+
+    day: str
+    run: str
+    tfile: Path
+    mode: int
+    arrays: Path
+    profile: Path
+    vehicle: str = ""
+    header_records: int = HEADER_RECORDS
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Runs in the order of the file."""
+
+    name: str
+    runs: tuple[CampaignRun, ...]
+
+    def select(self, days=None, runs=None, modes=None) -> Campaign:
+        """The runs of some days, runs or modes only; None is all."""
+        kept = tuple(
+            one
+            for one in self.runs
+            if (days is None or one.day in days)
+            and (runs is None or one.run in runs)
+            and (modes is None or one.mode in modes)
+        )
+        return Campaign(self.name, kept)
+
+
+def read_campaign(path: str | Path) -> Campaign:
+    """The campaign of a file. Raises InputError with the key where it is not as wanted, or a file is missing."""
+    path = Path(path)
+    text = "\n".join(decode_lines(read_bytes(path), path.name))
+    try:
+        content = tomllib.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
+    except (json.JSONDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(
+            f"{path.name}: {error}; wanted a campaign in JSON, or in TOML if it ends in .toml"
+        ) from None
+    if not isinstance(content, dict):
+        raise InputError(
+            f"{path.name}: found {type(content).__name__}, wanted name, arrays, profiles and runs"
+        )
+    entries = content.get("runs")
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"{path.name}, key runs: found {entries!r}, wanted a list of one run or more")
+    profiles = content.get("profiles", {})
+    if not isinstance(profiles, dict):
+        raise InputError(f"{path.name}, key profiles: found {profiles!r}, wanted a file for each day")
+    runs = tuple(
+        _run(entry, content.get("arrays"), profiles, path, f"{path.name}, key runs[{n}]")
+        for n, entry in enumerate(entries, 1)
+    )
+    seen: set[tuple] = set()
+    for n, one in enumerate(runs, 1):
+        key = (one.day, one.run, one.mode)
+        if key in seen:
+            raise InputError(
+                f"{path.name}, key runs[{n}]: day {one.day}, run {one.run}, mode {one.mode} again"
+            )
+        seen.add(key)
+    return Campaign(str(content.get("name", path.stem)), runs)
+
+
+def write_campaign(path: str | Path, campaign: Campaign) -> None:
+    """Writes a campaign as JSON that reads back as the same; files beside it by their names alone."""
+    path = Path(path)
+
+    def beside(file: Path) -> str:
+        return str(file.relative_to(path.parent)) if file.is_relative_to(path.parent) else str(file)
+
+    runs = [
+        {key: beside(value) if isinstance(value, Path) else value for key, value in vars(one).items()}
+        for one in campaign.runs
+    ]
+    write_text(path, json.dumps({"name": campaign.name, "runs": runs}, indent=1, ensure_ascii=False) + "\n")
+
+
+def _run(entry, arrays, profiles: dict, path: Path, where: str) -> CampaignRun:
+    if not isinstance(entry, dict):
+        raise InputError(f"{where}: found {entry!r}, wanted day, run, tfile and mode")
+    for key in entry.keys() - _RUN_KEYS:
+        raise InputError(f"{where}.{key}: no such key; there are {', '.join(sorted(_RUN_KEYS))}")
+    for key in ("day", "run", "tfile", "mode"):
+        if key not in entry:
+            raise InputError(f"{where}.{key}: is missing")
+    day = str(entry["day"])
+    header = entry.get("header_records", HEADER_RECORDS)
+    for key, value in (("mode", entry["mode"]), ("header_records", header)):
+        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+            raise InputError(f"{where}.{key}: found {value!r}, wanted a whole number")
+    return CampaignRun(
+        day=day,
+        run=str(entry["run"]),
+        tfile=_file(entry["tfile"], path, f"{where}.tfile"),
+        mode=entry["mode"],
+        arrays=_file(entry.get("arrays", arrays), path, f"{where}.arrays"),
+        profile=_file(entry.get("profile", profiles.get(day)), path, f"{where}.profile"),
+        vehicle=str(entry.get("vehicle", "")),
+        header_records=header,
+    )
+
+
+def _file(name, campaign: Path, where: str) -> Path:
+    if not isinstance(name, str) or not name:
+        raise InputError(
+            f"{where}: found {name!r}, wanted the name of a file, here or for the whole campaign"
+        )
+    file = campaign.parent / name
+    if not file.is_file():
+        raise InputError(f"{where}: {file}: no such file")
+    return file

@@ -1,0 +1,67 @@
+"""OUTPUT1.COV and OUTPUT2.COV: covariances of the residuals of two versions of a track, ft^2.
+
+Blocks of three rows of three numbers: D_x and D_y in OUTPUT1.COV, the cross correlations and M in OUTPUT2.COV.
+The layout inside the files is ours: of the report's program only what the two hold is known. The cross
+correlations are as the program printed them, D_xy(i,j) / sqrt(D_x(j,j) D_y(i,i)), where the text of appendix C
+has D_x(i,i) D_y(j,j): with the text's form its printed sets do not close on M.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from trackerlib.textfiles import InputError, read_lines, write_text
+
+
+def write_covariances(
+    folder: str | Path, first: np.ndarray, second: np.ndarray, cross: np.ndarray
+) -> tuple[Path, Path]:
+    """Writes D_x, D_y to OUTPUT1.COV and what follows from D_xy to OUTPUT2.COV; (3, 3) each, ft^2."""
+    correlation = cross / np.sqrt(np.outer(np.diag(second), np.diag(first)))
+    gap = first + second - cross - cross.T
+    paths = Path(folder) / "OUTPUT1.COV", Path(folder) / "OUTPUT2.COV"
+    write_text(paths[0], _blocks(first, second))
+    write_text(paths[1], _blocks(correlation, gap))
+    return paths
+
+
+def read_covariances(folder: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """D_x, D_y and D_xy (3, 3) of the two files in a folder, ft^2.
+
+    Raises InputError where a file holds no two blocks, a variance is negative, or M is not that of the rest.
+    """
+    first, second = _two_blocks(Path(folder) / "OUTPUT1.COV")
+    correlation, gap = _two_blocks(Path(folder) / "OUTPUT2.COV")
+    if np.any(np.diag(first) < 0) or np.any(np.diag(second) < 0):
+        raise InputError("OUTPUT1.COV: found a negative variance; wanted covariances")
+    cross = correlation * np.sqrt(np.outer(np.diag(second), np.diag(first)))
+    away = np.abs(first + second - cross - cross.T - gap).max()
+    if away > 1e-3 * np.abs(gap).max() + 0.1:
+        raise InputError(
+            f"OUTPUT2.COV: M is {away:.2g} ft^2 from D_x + D_y - D_xy - D_xy'; wanted files of one set"
+        )
+    return first, second, cross
+
+
+def _blocks(*matrices: np.ndarray) -> str:
+    rows = ["".join(f" {value!r:>24}" for value in row) for m in matrices for row in m.tolist()]
+    return "\n".join(rows) + "\n"
+
+
+def _two_blocks(path: Path) -> np.ndarray:
+    rows = []
+    for number, line in enumerate(read_lines(path), 1):
+        if not line.strip():
+            continue
+        try:
+            row = [float(cell) for cell in line.split()]
+        except ValueError:
+            row = []
+        if len(row) != 3 or not np.isfinite(row).all():
+            raise InputError(f"{path.name}, line {number}: found {line.strip()[:40]!r}; wanted three numbers")
+        rows.append(row)
+    if len(rows) != 6:
+        raise InputError(f"{path.name}: found {len(rows)} rows; wanted two blocks of three rows")
+    return np.array(rows).reshape(2, 3, 3)
