@@ -157,6 +157,7 @@ def pair_up(reports: PositionReports, gap_counts: int = GAP_COUNTS) -> list[Cros
             y=reports.position[second],
             range_name=reports.range_name,
             source=reports.source,
+            lines=np.column_stack([reports.line[first], reports.line[second]]),
         )
         sets += split_passes(whole, gap_counts)
     return sets
