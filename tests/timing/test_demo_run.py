@@ -14,6 +14,7 @@ from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.timing.correction import fit_timing
+from trackerlib.timing.one_run import judge_run
 
 WRONG_ARRAY = 5  # surveyed in the wrong place on purpose
 
@@ -111,3 +112,18 @@ def test_an_array_that_the_table_lacks_is_named(sets, data, capsys, tmp_path):
     bare.write_text("\n".join(sets[0].read_text().splitlines()[1:]) + "\n")
     assert main(timing(data, "--set", bare, 98, 99)) == 2
     assert "98" in capsys.readouterr().err
+
+
+def test_without_the_wrong_array_one_offset_serves_and_with_it_none_does(data):
+    folder = data / "range-demo"
+    reports, survey = read_tfile(folder / "tfile.dat").reports, read_arrays(folder / "arrays.csv").survey
+    profile = read_velocity(folder / "VELOCITY.DAT").profile
+    sets = gate_reports(reports, survey, 7).sets
+    verdict = judge_run(sets, [fit_timing(one, survey, profile) for one in sets])
+    assert verdict.whole.p_value < 1e-12
+    assert verdict.simplest is verdict.without[0]
+    assert verdict.simplest.left_out == WRONG_ARRAY
+    band = stats.chi2.ppf([0.025, 0.975], verdict.simplest.dof)
+    assert band[0] < verdict.simplest.distance < band[1]
+    assert abs(1e3 * verdict.simplest.offset_s - 2.85) < 3 * 1e3 * verdict.simplest.sigma_offset_s
+    assert verdict.without[1].p_value < 1e-12

@@ -1,6 +1,7 @@
 """Do the offsets of one run agree within their own sigmas, and which array stands in the way?
 
-    whole, without = offsets_agree(...), without_each_array(...)
+    verdict = judge_run(sets, [fit_timing(one, survey, profile) for one in sets])
+    print(verdict.simplest)
 
 Beside the report's test (20)-(27), which takes its variances from many runs, one run alone can be judged by what each
 offset says of itself: Aitken's mean (26) and distance (27) with the stated variances for V.
@@ -13,6 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
+
+from trackerlib.crossover.pairs import CrossoverSet
+from trackerlib.timing.correction import TimingCorrection
 
 MOST_LIKELY = 0.05  # p-value from which offsets pass for one
 
@@ -93,3 +97,41 @@ def without_each_array(
         if rest.sum() > 1 + drift:
             found.append(offsets_agree(offset_s[rest], sigma_s[rest], point_count[rest], drift, int(number)))
     return tuple(sorted(found, key=lambda one: one.scatter))
+
+
+@dataclass(frozen=True, eq=False)
+class RunVerdict:
+    """Whether one offset serves all sets of a run, and if not, what would."""
+
+    whole: Agreement
+    drifting: Agreement  # with a drift of the clock allowed
+    without: tuple[Agreement, ...]  # one array after the other left out, the best first
+    without_drifting: tuple[Agreement, ...]
+
+    @property
+    def simplest(self) -> Agreement | None:
+        """The first of these that the sigmas allow, None where none does."""
+        tried = (self.whole, self.drifting, *self.without[:1], *self.without_drifting[:1])
+        return next((one for one in tried if one.agree), None)
+
+
+def judge_run(sets: Sequence[CrossoverSet], fits: Sequence[TimingCorrection | None]) -> RunVerdict:
+    """The verdict on a run from the corrections of its sets; those without a sigma take no part.
+
+    Raises ValueError with fewer than three offsets.
+    """
+    known = [
+        (one, fit)
+        for one, fit in zip(sets, fits, strict=True)
+        if fit is not None and fit.sigma_offset_s is not None
+    ]
+    if len(known) < 3:
+        raise ValueError(f"{len(known)} sets have an offset with a sigma; wanted three or more")
+    pairs = [one.pair for one, _ in known]
+    offset, sigma, count = np.array([(fit.offset_s, fit.sigma_offset_s, fit.t0) for _, fit in known]).T
+    return RunVerdict(
+        whole=offsets_agree(offset, sigma, count),
+        drifting=offsets_agree(offset, sigma, count, drift=True),
+        without=without_each_array(pairs, offset, sigma, count),
+        without_drifting=without_each_array(pairs, offset, sigma, count, drift=True),
+    )
