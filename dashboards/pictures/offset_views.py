@@ -46,10 +46,12 @@ class OffsetsByTime:
             ),
         )
         legend_entry(fig, "offset of a set, 95 % bar", [], color=FIRST_ARRAY, size=7)
-        legend_entry(fig, "with the array that stands in the way", [], color=SECOND_ARRAY, size=7)
-        legend_entry(fig, "too few points for a sigma", [], color=REJECTED, marker="x", size=7)
-        legend_entry(fig, "one offset for the others", [line], line=True, line_color=ESTIMATE)
+        legend_entry(fig, "the array that stands in the way", [], color=SECOND_ARRAY, size=7)
+        legend_entry(fig, "too few for a sigma", [], color=REJECTED, marker="x", size=7)
+        legend_entry(fig, "what they agree on", [line], line=True, line_color=ESTIMATE)
         style_legend(fig)
+        fig.legend.ncols = 2
+        fig.add_layout(fig.legend[0], "above")
 
     def show(self, sets, fits, serves: Agreement | None) -> None:
         """Every set that has a fit; `serves` is what the run's offsets agree on, if anything."""

@@ -51,6 +51,7 @@ class ProfileViews:
         legend_entry(fig, "profile in use; drag a point", [line, dots], color=SHIP, size=6)
         legend_entry(fig, "as it was opened", [opened], line=True, line_color=BEFORE, line_dash="dotted")
         style_legend(fig)
+        fig.legend.location = "bottom_left"
         return fig
 
     def _paths(self):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from bokeh.models import ColumnDataSource
-from bokeh.palettes import Cividis
 from bokeh.plotting import figure
 from bokeh.plotting.contour import contour_data
 from scipy.stats import chi2
@@ -32,7 +31,7 @@ class QContours:
             y_axis_label="drift (ms per count)",
         )
         blank, levels = np.array([[0.0, 1.0], [0.0, 1.0]]), np.linspace(0.05, 0.95, LEVELS).tolist()
-        self.drawn = fig.contour([0, 1], [0, 1], blank, levels, line_color=list(Cividis[LEVELS]))
+        self.drawn = fig.contour([0, 1], [0, 1], blank, levels, line_color=BEFORE)
         self.words = ColumnDataSource({"x": [], "y": [], "words": []})
         fig.text("x", "y", "words", source=self.words, text_font_size="10px", text_color=BEFORE, x_offset=3)
         self.ring = ColumnDataSource({"x": [], "y": []}, name="ellipse")
@@ -41,7 +40,7 @@ class QContours:
         ring = fig.line("x", "y", source=self.ring, line_color=ESTIMATE, line_width=2)
         best = fig.scatter("x", "y", source=self.best, size=9, color=ESTIMATE)
         now = fig.scatter("x", "y", source=self.now, size=13, marker="cross", line_color=BEFORE, line_width=2)
-        legend_entry(fig, "contours of the root mean square gap", [], line=True, line_color=Cividis[9][4])
+        legend_entry(fig, "contours of the root mean square gap", [], line=True, line_color=BEFORE)
         legend_entry(fig, "estimate", [best], size=8, color=ESTIMATE)
         legend_entry(fig, "its 95 % ellipse", [ring], line=True, line_color=ESTIMATE, line_width=2)
         legend_entry(fig, "sliders", [now], size=10, marker="cross", line_color=BEFORE, line_width=2)
@@ -51,7 +50,6 @@ class QContours:
         """The surface about an estimate; None clears it."""
         for source in (self.ring, self.best, self.now, self.words):
             source.data = {name: [] for name in source.data}
-        self.figure.visible = correction is not None and correction.points > 0
         if correction is None or not correction.points:
             return
         offset, drift = _grids(correction)
@@ -59,12 +57,15 @@ class QContours:
         levels = np.quantile(rms, np.linspace(0.02, 0.97, LEVELS)).tolist()
         ms = 1e3 * offset, 1e3 * drift
         if np.ptp(rms) > 1e-9 * max(rms.max(), 1e-9):
-            self.drawn.set_data(contour_data(*ms, rms, levels))
+            self.drawn.set_data(contour_data(*ms, rms, levels, want_fill=False))
             middle = CELLS // 2
             at = [int(np.argmin(np.abs(rms[middle, middle:] - level))) + middle for level in levels]
+            every_other = slice(None, None, 2)
             self.words.data = {
-                "x": ms[0][at], "y": np.full(LEVELS, ms[1][middle]), "words": [f"{level:.2f} ft" for level in levels],
-            }  # fmt: skip
+                "x": ms[0][at][every_other],
+                "y": np.full(len(levels[every_other]), ms[1][middle]),
+                "words": [f"{level:.2f} ft" for level in levels[every_other]],
+            }
         self.best.data = {"x": [1e3 * correction.offset_s], "y": [1e3 * correction.drift_s_per_count]}
         outline = ellipse(correction)
         if outline is not None:

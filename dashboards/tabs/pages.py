@@ -19,9 +19,12 @@ class Pages(pn.Column):
         self.choice = pmui.RadioButtonGroup(
             options=list(pages), value=next(iter(pages)), size="small", margin=(2, 8), button_type="primary"
         )
-        self.pages = pages
+        # In a column each: a bare figure, once shown, would not hide again.
+        self.pages = {
+            name: pn.Column(page, sizing_mode="stretch_both", margin=0) for name, page in pages.items()
+        }
         super().__init__(
-            pn.Row(self.choice, *beside, margin=0), *pages.values(), sizing_mode="stretch_both", margin=0
+            pn.Row(self.choice, *beside, margin=0), *self.pages.values(), sizing_mode="stretch_both", margin=0
         )
         self.choice.param.watch(lambda event: self._show(), "value")
         self._show()

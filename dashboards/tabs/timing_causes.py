@@ -76,7 +76,10 @@ class CausesPage:
             return
         self.ranking = found
         self.words.object = ranking_sentence(found, scope)
-        self.table.show(table_of_causes(found), 15)
+        self.table.show(
+            table_of_causes(found), 15, widths={"cause": "27%", "AICc above best": "10%", "estimate": "43%"},
+            formatters={"cause": {"type": "textarea"}, "estimate": {"type": "textarea"}},
+        )  # fmt: skip
 
 
 def table_of_causes(ranking: Ranking) -> pd.DataFrame:

@@ -9,13 +9,16 @@ import panel as pn
 from dashboards.pictures.offset_views import OffsetsByTime
 from dashboards.session import Session, same_set
 from dashboards.tabs.pages import above, fill
-from dashboards.tabs.tab import TABLE
+from dashboards.tabs.tab import TABLE, Results
 from dashboards.tabs.timing_words import run_sentence
 from trackerlib.timing.correction import TimingCorrection
 from trackerlib.timing.one_run import RunVerdict, judge_run
 
-COLUMNS = ("pair", "pass", "T", "offset (ms)", "± (ms)", "drift (ms/count)", "± drift", "corr.", "t0", "before (ft)",
-           "after (ft)", "still apart")  # fmt: skip
+COLUMNS = {
+    "pair": str, "pass": int, "T": int, "offset (ms)": float, "± (ms)": float, "drift (ms/ count)": float,
+    "± drift": float, "corr.": float, "t0": float, "before (ft)": float, "after (ft)": float, "remarks": str,
+}  # fmt: skip
+WIDTHS = dict(zip(COLUMNS, (f"{share}%" for share in (8, 7, 6, 9, 7, 9, 8, 7, 9, 9, 8, 13)), strict=True))
 
 
 class SetsPage:
@@ -26,10 +29,14 @@ class SetsPage:
         self.by_time = OffsetsByTime()
         self.by_time.source.selected.on_change("indices", lambda attr, old, new: self._clicked(new))
         self.verdict: RunVerdict | None = None
-        self.table = _table(COLUMNS)
+        self.table = pn.widgets.Tabulator(
+            table_of_sets((), ()), show_index=False, disabled=True, sizing_mode="stretch_both", theme="simple",
+            layout="fit_columns", stylesheets=[TABLE], margin=(4, 4), min_height=60,
+        )  # fmt: skip
         self.table.on_click(lambda event: self._choose(int(self.table.value.index[event.row])))
-        self.pivot = _table(("pair",))
-        self.pane = above(self.table, self.pivot, fill(self.by_time.figure), sizes=(52, 48))
+        self.pivot = Results()
+        by_pair = pn.Column(self.pivot, scroll="y", sizing_mode="stretch_both", margin=0)
+        self.pane = above(self.table, by_pair, fill(self.by_time.figure), sizes=(52, 48))
 
     def show(self) -> str:
         """Shows the fits; what they say of the run, as HTML."""
@@ -46,7 +53,7 @@ class SetsPage:
         serves = None if self.verdict is None else self.verdict.simplest
         self.by_time.show(sets, fits, serves)
         self.table.value = table_of_sets(sets, fits)
-        self.pivot.value = table_of_pairs(sets, fits)
+        self.pivot.show(table_of_pairs(sets, fits), 100)
         self.choose()
         return told
 
@@ -69,17 +76,15 @@ class SetsPage:
             self.session.param.update(correction=None, crossover=chosen)
 
 
-def _table(columns):
-    return pn.widgets.Tabulator(
-        pd.DataFrame({name: [] for name in columns}), show_index=False, disabled=True, sizing_mode="stretch_both",
-        theme="simple", layout="fit_columns", stylesheets=[TABLE], margin=(4, 4), min_height=60,
-    )  # fmt: skip
-
-
 def table_of_sets(sets, fits) -> pd.DataFrame:
     """A row for each set that has a fit, its index the set's place."""
     rows = {k: _row(one, fit) for k, (one, fit) in enumerate(zip(sets, fits, strict=True)) if fit is not None}
-    return pd.DataFrame.from_dict(rows, orient="index", columns=list(COLUMNS))
+    columns = list(zip(*rows.values(), strict=True)) or [()] * len(COLUMNS)
+    typed = {
+        name: pd.Series(column, index=list(rows), dtype=kind)
+        for (name, kind), column in zip(COLUMNS.items(), columns, strict=True)
+    }
+    return pd.DataFrame(typed)
 
 
 def _row(one, fit: TimingCorrection) -> list:
@@ -98,7 +103,7 @@ def _row(one, fit: TimingCorrection) -> list:
         round(fit.t0, 1),
         round(fit.rms_before, 1),
         round(fit.rms_after, 1),
-        ", ".join(fit.separated) or fit.reason or "",
+        f"apart {', '.join(fit.separated)}" if fit.separated else fit.reason or "",
     ]
 
 

@@ -157,8 +157,12 @@ def ranking_sentence(ranking: Ranking, scope: str) -> str:
         f"{best.chi_square / best.count:.2f}; 1 is what noise alone leaves."
     )
     arrays = [cause.array for cause in best.causes if cause.array is not None]
-    if any(cause.name.startswith("displacement") for cause in best.causes):
-        words += f" The table's position of array {arrays[0]} should be moved by the displacement."
+    moved = [k for k, name in enumerate(best.parameters) if name in ("downrange", "crossrange", "up")]
+    if len(moved) == 3:
+        words += (
+            f" <b>Array {arrays[0]} seems to lie {np.linalg.norm(best.estimate[moved]):.1f} ft from where the table "
+            "puts it</b>; its position should be moved by these three."
+        )
     rival = next((fit for fit in ranking.fits if fit is not best and fit.aicc > 0), None)
     if rival is not None:
         words += f" The next best, {html.escape(rival.name)}, is {rival.aicc:.0f} worse in AICc."
@@ -171,7 +175,7 @@ def ranking_sentence(ranking: Ranking, scope: str) -> str:
         words += f" The geometry hardly separates {_listed(pairs)}."
     if ranking.skipped:
         words += (
-            f"<details><summary>{len(ranking.skipped)} sets could not take part</summary>"
+            f"<details><summary>Sets that could not take part: {len(ranking.skipped)}</summary>"
             + "<br>".join(html.escape(one) for one in ranking.skipped)
             + "</details>"
         )
