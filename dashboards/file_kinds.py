@@ -18,11 +18,11 @@ def kind_of(lines: list[str]) -> str:
         return "profile"
     if "oneway_s" in head or "msec." in head or "gps time" in head:
         return "survey"
+    rows = [line.replace(",", " ").split() for line in lines[1:8] if not line.startswith("#")]
+    if rows and all(len(row) == 7 and row[0].isdigit() and "." in row[5] and "." in row[6] for row in rows):
+        return "crossover"
     if any(len(line) >= 68 and line[67:68].isdigit() and line[:5].strip().isdigit() for line in lines[:400]):
         return "tfile"
-    rows = [line.replace(",", " ").split() for line in lines[1:8] if not line.startswith("#")]
-    if rows and all(len(row) == 7 and row[0].isdigit() for row in rows):
-        return "crossover"
     if rows and all(len(row) == 2 and _is_speed_ftps(row[1]) for row in rows):
         return "velocity"
     if "array" in head or all(len(line.replace(",", " ").split()) in (4, 5) for line in lines[:3]):

@@ -198,7 +198,6 @@ class TimingTab(Tab):
         self._quiet = False
         self.views.show(crossover)
         self._draw_before()
-        self._put(0.0, 0.0)
         self._fit()
 
     def _choose(self, index) -> None:

@@ -11,6 +11,18 @@ from trackerlib.timing.causes import CauseFit, Ranking
 from trackerlib.timing.correction import APART, TimingCorrection
 from trackerlib.timing.one_run import Agreement, RunVerdict
 
+# What no survey, clock or ocean is wrong by; linear patterns hold no further either.
+BELIEVABLE = {
+    "scale": 0.05,
+    "downrange": 200.0,
+    "crossrange": 200.0,
+    "up": 200.0,
+    "elevation (rad)": 0.1,
+    "azimuth (rad)": 0.1,
+    "about downrange (rad)": 0.1,
+    "about crossrange (rad)": 0.1,
+    "about vertical (rad)": 0.1,
+}
 # Parameters of causes as a person reads them: factor and unit.
 SHOWN = {
     "offset (s)": ("offset", 1e3, "ms"),
@@ -156,6 +168,7 @@ def ranking_sentence(ranking: Ranking, scope: str) -> str:
         f"It brings chi-square per number from {ranking.chi_square_before / best.count:.1f} to "
         f"{best.chi_square / best.count:.2f}; 1 is what noise alone leaves."
     )
+    words += _believed(ranking)
     arrays = [cause.array for cause in best.causes if cause.array is not None]
     moved = [k for k, name in enumerate(best.parameters) if name in ("downrange", "crossrange", "up")]
     if len(moved) == 3:
@@ -178,6 +191,29 @@ def ranking_sentence(ranking: Ranking, scope: str) -> str:
             f"<details><summary>Sets that could not take part: {len(ranking.skipped)}</summary>"
             + "<br>".join(html.escape(one) for one in ranking.skipped)
             + "</details>"
+        )
+    return words
+
+
+def _believed(ranking: Ranking) -> str:
+    """A warning where the best pair of causes is larger than can be, and the best cause alone beside any pair."""
+    best = ranking.best
+    words = ""
+    wild = [
+        SHOWN[name][0]
+        for name, value in zip(best.parameters, best.estimate, strict=True)
+        if abs(value) > BELIEVABLE.get(name, np.inf)
+    ]
+    if wild:
+        words += (
+            f" <b>That {_listed(wild)} is more than can be believed:</b> these sets are too few, or too much alike, "
+            "to tell the causes apart."
+        )
+    if len(best.causes) > 1:
+        alone = next(fit for fit in ranking.fits if len(fit.causes) == 1)
+        words += (
+            f" Of the causes alone the best is {html.escape(alone.name)}: {html.escape(parameters_words(alone))}, "
+            f"with chi-square per number {alone.chi_square / alone.count:.2f}."
         )
     return words
 
