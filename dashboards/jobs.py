@@ -96,7 +96,11 @@ class Jobs:
 
     def _in_thread(self, document, purpose, work, done, long) -> None:
         def tell(share: float, text: str) -> None:
-            document.add_next_tick_callback(partial(self._on_state, purpose, share, text))
+            document.add_next_tick_callback(partial(show, share, text))
+
+        def show(share: float, text: str) -> None:
+            if self._running.get(purpose) is progress:  # it may be done by now
+                self._on_state(purpose, share, text)
 
         progress = self._running[purpose] = Progress(tell)
         future = (LONG_POOL if long else POOL).submit(work, progress)

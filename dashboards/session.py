@@ -9,8 +9,10 @@ import tempfile
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
+import numpy as np
 import param
 
+from dashboards.file_kinds import kind_of
 from dashboards.jobs import Jobs
 from dashboards.live import PingQueue
 from trackerlib import __version__
@@ -20,19 +22,30 @@ from trackerlib.beacon.live_survey import LiveSurvey
 from trackerlib.beacon.pings import PingLog, Pings
 from trackerlib.beacon.result import BeaconFix, blank_fix
 from trackerlib.beacon.settings import FixSettings
-from trackerlib.crossover.gating import GatingResult, gate_reports
+from trackerlib.crossover.edits import PointEdits, edits_csv, parse_edits
+from trackerlib.crossover.gating import GatingResult, gate_reports, ready_sets
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
 from trackerlib.rangefiles.arrays import parse_arrays
+from trackerlib.rangefiles.crossover_file import parse_crossover
+from trackerlib.rangefiles.offsets_file import parse_offsets
 from trackerlib.rangefiles.tfile import TFileReading, parse_tfile
+from trackerlib.rangefiles.velocity_file import parse_velocity
 from trackerlib.surveyfiles.profile_csv import SIMULATED, parse_profile_csv
 from trackerlib.surveyfiles.survey import parse_survey
 from trackerlib.textfiles import InputError, decode_lines, read_bytes
+from trackerlib.timing.correction import fit_timing
+from trackerlib.timing.offsets import OffsetTable
 
 log = logging.getLogger("workbench")
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 UPLOAD_LIMIT_MB = 200
+HEAD_BYTES = 65_536  # of a file, which tell what it is
+LARGE_BYTES, LARGE_REPORTS = (
+    5_000_000,
+    100_000,
+)  # from here on a T-file is read, and gated, off the event loop
 SPEEDS = (1, 5, 20, 100, 1000)
 MODE_NAMES = {2: "ship", 7: "torpedo"}
 
@@ -56,8 +69,17 @@ class Session(param.Parameterized):
     max_slant_range_ft = param.Number(default=4700.0, bounds=(100, 100_000))
     gap_counts = param.Integer(default=30, bounds=(1, 100_000))
     gating = param.ClassSelector(class_=GatingResult, allow_None=True)
+    keep_lines = param.ClassSelector(class_=tuple, default=(), doc="lines kept of repeated reports, by hand")
     crossover = param.ClassSelector(class_=CrossoverSet, allow_None=True, doc="the set chosen in any tab")
     correction = param.Parameter(default=None, doc="timing correction of that set")
+    edits = param.ClassSelector(class_=PointEdits, default=PointEdits(), doc="points left out by hand")
+    timing_options = param.Dict(default={"method": "report", "outliers": "out"}, doc="of `estimate_timing`")
+    fits = param.Parameter(
+        default=(), doc="timing correction of every set, None where there is none; () before"
+    )
+    offsets = param.ClassSelector(
+        class_=OffsetTable, allow_None=True, doc="of an OFFSETS.csv that was opened"
+    )
 
     # The beacon hunt
     pings = param.ClassSelector(class_=Pings, allow_None=True)
@@ -95,6 +117,7 @@ class Session(param.Parameterized):
     def __init__(self, **params):
         super().__init__(**params)
         self.jobs = Jobs(self._job_state, self.report)
+        self.tfile_content = b""  # as it was opened, for corrected copies
         self._past: list[dict] = []
         self._future: list[dict] = []
         self._folder: tempfile.TemporaryDirectory | None = None
@@ -170,8 +193,12 @@ class Session(param.Parameterized):
             "profile": self._open_profile,
             "arrays": self._open_arrays,
             "tfile": self._open_tfile,
+            "velocity": self._open_velocity,
+            "crossover": self._open_crossover,
+            "offsets": self._open_offsets,
+            "edits": self._open_edits,
         }
-        openers[kind_of(decode_lines(content, name))](content, name)
+        openers[kind_of(decode_lines(content[:HEAD_BYTES], name))](content, name)
 
     def _kept(self, name: str, content: bytes) -> Path:
         """The upload as a file in a folder that goes with the session."""
@@ -228,10 +255,43 @@ class Session(param.Parameterized):
         self.gate()
 
     def _open_tfile(self, content, name) -> None:
-        tfile = parse_tfile(content, name, header_records=None)
-        self.param.update(tfile=tfile, profile=tfile.profile() or self.profile)
-        self._told(name, f"{len(tfile.reports)} position reports", tfile.reports.bad_records, tfile.warnings)
-        self.gate()
+        def done(tfile) -> None:
+            self.tfile_content = content
+            self.param.update(tfile=tfile, profile=tfile.profile() or self.profile, keep_lines=())
+            self._told(
+                name, f"{len(tfile.reports)} position reports", tfile.reports.bad_records, tfile.warnings
+            )
+            self.gate()
+
+        def read(progress=None):
+            return parse_tfile(content, name, header_records=None)
+
+        if len(content) < LARGE_BYTES:
+            done(read())
+        else:
+            self.jobs.start(f"Opening {name}", read, done)
+
+    def _open_velocity(self, content, name) -> None:
+        reading = parse_velocity(content, name)
+        self.edit(profile=reading.profile)
+        self._told(name, f"sound speed of {len(reading.profile.depth)} layers", reading.bad_records, ())
+
+    def _open_crossover(self, content, name) -> None:
+        reading = parse_crossover(content, name, self.survey)
+        opened = self.gating.sets if self.gating is not None and self.tfile is None else ()
+        sets = (*(one for one in opened if one.source != name), reading.set)
+        self.param.update(tfile=None, gating=ready_sets(sets), correction=None, crossover=reading.set)
+        self._told(name, f"{reading.set.points} point counts", reading.bad_records, reading.notes)
+
+    def _open_offsets(self, content, name) -> None:
+        table, bad = parse_offsets(decode_lines(content, name), name)
+        self.offsets = table
+        self._told(name, f"{len(table)} timing offsets", bad, ())
+
+    def _open_edits(self, content, name) -> None:
+        edits, bad = parse_edits(decode_lines(content, name), name)
+        self.edit(edits=edits)
+        self._told(name, f"{len(edits.reasons)} points left out", bad, ())
 
     def _told(self, name, what, bad_records, notes) -> None:
         parts = [f"{name}: {what}"]
@@ -240,30 +300,69 @@ class Session(param.Parameterized):
             parts.append(f"{len(bad_records)} bad lines, the first is line {first.line}: {first.why}")
         self.say("; ".join([*parts, *notes]))
 
-    @param.depends("mode", "max_slant_range_ft", "gap_counts", watch=True)
+    @param.depends("mode", "max_slant_range_ft", "gap_counts", "keep_lines", watch=True)
     def gate(self) -> None:
         """Gates the reports of the chosen vehicle and keeps the chosen set if it is still there."""
         if self.tfile is None or self.survey is None:
             return
-        result = gate_reports(
-            self.tfile.reports,
-            self.survey,
-            self.mode,
-            self.max_slant_range_ft,
-            self.gap_counts,
-            self.tfile.run_date,
-        )
-        chosen = None
-        if self.crossover is not None:
-            same = [
-                s
-                for s in result.sets
-                if s.pair == self.crossover.pair and s.pass_number == self.crossover.pass_number
-            ]
-            chosen = same[0] if same else None
+        tfile = self.tfile
+        settings = (self.survey, self.mode, self.max_slant_range_ft, self.gap_counts, tfile.run_date)
+
+        def work(progress=None):
+            return gate_reports(tfile.reports, *settings, keep_lines=self.keep_lines)
+
+        if len(tfile.reports) < LARGE_REPORTS:
+            self._gated(work())
+        else:
+            self.jobs.start("Gating", work, self._gated)
+
+    def _gated(self, result: GatingResult) -> None:
+        chosen = next((one for one in result.sets if same_set(one, self.crossover)), None)
         if chosen is None and result.sets:
             chosen = max(result.sets, key=lambda one: one.points)
         self.param.update(gating=result, correction=None, crossover=chosen)
+
+    # -- timing of the sets --------------------------------------------------------------------
+
+    @property
+    def kept_sets(self) -> tuple[CrossoverSet, ...]:
+        """Every set of the vehicle without the points left out by hand."""
+        if self.gating is None:
+            return ()
+        return tuple(self.edits.kept(one, self.gating.mode) for one in self.gating.sets)
+
+    def left_out(self, crossover: CrossoverSet) -> np.ndarray:
+        """Which points (T,) of a set are left out by hand."""
+        mode = self.mode if self.gating is None else self.gating.mode
+        return self.edits.excluded(crossover, mode)
+
+    @param.depends("gating", "survey", "profile", "edits", "timing_options", watch=True)
+    def _forget_fits(self) -> None:
+        self.fits = ()
+
+    def fit_every_set(self) -> None:
+        """Fits every set of the vehicle, off the event loop; the answer is `fits`."""
+        if self.gating is None or self.survey is None or self.profile is None:
+            self.say("Open a T-file and its array table first")
+            return
+        gating, sets, survey, profile = self.gating, self.gating.sets, self.survey, self.profile
+        left_out, options = [self.left_out(one) for one in sets], self.timing_options
+
+        def work(progress):
+            fits = []
+            for k, one in enumerate(sets):
+                progress(k / max(len(sets), 1), f"set {k + 1} of {len(sets)}")
+                try:
+                    fits.append(fit_timing(one, survey, profile, left_out=left_out[k], **options))
+                except InputError:  # an array that the table lacks
+                    fits.append(None)
+            return tuple(fits)
+
+        def done(fits) -> None:
+            if self.gating is gating:  # another vehicle may have been chosen meanwhile
+                self.fits = fits
+
+        self.jobs.start("Fit every set", work, done)
 
     def _begin_hunt(self, **state) -> None:
         self._past.clear()
@@ -404,6 +503,8 @@ class Session(param.Parameterized):
             "chosen_set": None
             if self.crossover is None
             else [*self.crossover.pair, self.crossover.pass_number],
+            "point_edits": edits_csv(self.edits),
+            "timing_options": self.timing_options,
         }
         return json.dumps(document, indent=1)
 
@@ -422,6 +523,9 @@ class Session(param.Parameterized):
             raise InputError(f"{name}: not a session file of this program ({error})") from None
         self.param.update(fix_settings=settings, reasons=reasons)
         self.gate()
+        if "point_edits" in document:
+            self.edits = parse_edits(document["point_edits"].splitlines(), name)[0]
+        self.timing_options = self.timing_options | document.get("timing_options", {})
         chosen = document.get("chosen_set")
         if chosen and self.gating is not None:
             for one in self.gating.sets:
@@ -437,17 +541,6 @@ def binary_kind(content: bytes) -> str | None:
     return "hunt_file" if content.startswith(b"SQLite format 3") else None
 
 
-def kind_of(lines: list[str]) -> str:
-    """Which kind of file these lines are: "survey", "profile", "arrays", "tfile" or "session"."""
-    head = "\n".join(lines[:40]).lower()
-    if "workbench_session" in head:
-        return "session"
-    if "speed_mps" in head:
-        return "profile"
-    if "oneway_s" in head or "msec." in head or "gps time" in head:
-        return "survey"
-    if any(len(line) >= 68 and line[67:68].isdigit() and line[:5].strip().isdigit() for line in lines[:400]):
-        return "tfile"
-    if "array" in head or all(len(line.replace(",", " ").split()) in (4, 5) for line in lines[:3]):
-        return "arrays"
-    return "survey"
+def same_set(one: CrossoverSet, other: CrossoverSet | None) -> bool:
+    """Whether two sets are the same pass of the same two arrays."""
+    return other is not None and one.pair == other.pair and one.pass_number == other.pass_number

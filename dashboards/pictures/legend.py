@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from bokeh.models import Legend, LegendItem
+from bokeh.models import CustomJS, Legend, LegendItem
 
 LEGEND = {
     "location": "top_left",
@@ -15,12 +15,18 @@ LEGEND = {
     "glyph_height": 14,
     "background_fill_alpha": 0.7,
 }
+THEMED = ("label_text_font_size", "spacing", "glyph_height", "background_fill_alpha")
 
 
 def style_legend(fig) -> None:
     """A small legend inside the picture; a click hides what it names."""
     for name, value in LEGEND.items():
         setattr(fig.legend, name, value)
+    # The page's theme makes every legend large and its ground clear, live; this takes it back.
+    small = {name: LEGEND[name] for name in THEMED}
+    code = "if (legend.spacing !== small.spacing) legend.setv(small)"
+    for legend in fig.legend:
+        legend.js_on_change("spacing", CustomJS(args={"legend": legend, "small": small}, code=code))
 
 
 def legend_entry(fig, label: str, shown: list, *, line: bool = False, visible: bool = True, **mark):

@@ -26,6 +26,15 @@ _EQUAL_SCALE = """
 let W, H;
 try { W = fig.inner_width; H = fig.inner_height; } catch { return; }  // not laid out yet
 if (!(W > 0 && H > 0)) return;
+const stretched = JSON.stringify(home_box.tags);
+if (home_box.tags[4]) {  // both axes fill the frame, until the home box is another
+  if (fig.__lock?.stretched === stretched) return;
+  const [x0, x1, y0, y1] = home_box.tags;
+  fig.x_range.setv({start: x0, end: x1}); fig.y_range.setv({start: y0, end: y1});
+  fig.__lock = {stretched};
+  return;
+}
+if (fig.__lock?.stretched) fig.__lock = null;
 const x = fig.x_range, y = fig.y_range, X = x.end - x.start, Y = y.end - y.start, m = fig.__lock;
 const eq = (a, b) => Math.abs(a - b) < 1e-6 * (Math.abs(X) + Math.abs(Y));
 const home = home_box.tags;
@@ -91,7 +100,8 @@ def map_figure(name: str, tile_address: str = "", **options):
 def equal_scale(fig) -> Range1d:
     """Keeps one length a pixel on both axes of a figure, through resizes; returns the holder of its home box.
 
-    The figure's ranges are Range1d; the home box is the holder's tags: left, right, bottom, top.
+    The figure's ranges are Range1d; the home box is the holder's tags: left, right, bottom, top; and maybe a fifth,
+    not zero where both axes are to be stretched to the frame.
     """
     home = Range1d(tags=[0.0, 1000.0, 0.0, 1000.0])
     lock = CustomJS(args={"fig": fig, "home_box": home}, code=_EQUAL_SCALE)

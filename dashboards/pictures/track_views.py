@@ -7,17 +7,30 @@ from bokeh.core.properties import value
 from bokeh.models import ColumnDataSource, HoverTool, Range1d, Span
 from bokeh.plotting import figure
 
-from dashboards.palette import BEFORE, COMPONENTS, FIRST_ARRAY, REJECTED, SECOND_ARRAY
+from dashboards.palette import BEFORE, COMPONENTS, FIRST_ARRAY, REJECTED, SECOND_ARRAY, SHIP
 from dashboards.pictures.legend import style_legend
 from dashboards.pictures.mercator import equal_scale
-from trackerlib.crossover.gaps import course_of, distance_along, summarise_gap
+from trackerlib.crossover.gaps import course_of, distance_along, heading_of, summarise_gap
 from trackerlib.crossover.pairs import CrossoverSet
 
 # Of either version, x and y: downrange 0, crossrange 1, vertical 2, and distance along the course s.
 TRACK_COLUMNS = tuple(f"{letter}{k}" for letter in "xy" for k in "012s")
 GAP_COLUMNS = ("gap0", "gap1", "gap2")
+RESIDUAL_COLUMNS = tuple(f"r{letter}{k}" for letter in "xy" for k in range(3))
+# What the gap can be drawn against: column, and words for the axis.
+AGAINST = {
+    "point count": ("count", "point count"),
+    "range to the first array": ("range0", "slant range to the first array (ft)"),
+    "range to the second array": ("range1", "slant range to the second array (ft)"),
+    "depth": ("depth", "depth (ft)"),
+    "heading": ("heading", "heading (° from downrange towards crossrange)"),
+}
+AGAINST_COLUMNS = ("range0", "range1", "depth", "heading")
+LINE_COLUMNS = ("linex", "liney")  # of the file, 0 where it is not known
+VECTOR_COLUMNS = ("begin0", "begin1", "end0", "end1")
 AXIS_NAMES = ("downrange", "crossrange", "vertical")
 REPORTED = "as reported"
+GAP = "gap"
 VERSIONS = (("x", FIRST_ARRAY, "first array", "circle"), ("y", SECOND_ARRAY, "second array", "square"))
 # What a point left out changes: its word, and for either version its mark and its colour.
 LOOK_COLUMNS = ("used", "markx", "marky", "inkx", "inky")
@@ -33,10 +46,14 @@ class TrackViews:
     """
 
     def __init__(self):
-        names = ("count", *LOOK_COLUMNS, *TRACK_COLUMNS, *GAP_COLUMNS)
+        names = (
+            "count", *LOOK_COLUMNS, *LINE_COLUMNS, *AGAINST_COLUMNS, *RESIDUAL_COLUMNS, *TRACK_COLUMNS, *GAP_COLUMNS
+        )  # fmt: skip
         self.points = ColumnDataSource({name: [] for name in names}, name="points")
         self.before = ColumnDataSource({name: [] for name in TRACK_COLUMNS})
         self.lines = ColumnDataSource({name: [] for name in TRACK_COLUMNS}, name="lines")
+        self.vectors = ColumnDataSource({name: [] for name in VECTOR_COLUMNS}, name="vectors")
+        self.vector_scale = 0.0  # gap vectors are drawn so many times their length; 0: not at all
         self._centre, self._course = np.zeros(3), np.array([1.0, 0.0])
         self.plan = self._view(
             "plan",
@@ -56,7 +73,9 @@ class TrackViews:
             y_range=Range1d(-1000, 0),
         )
         self.side.legend.visible = False  # the plan's says it
+        self.side_home = equal_scale(self.side)
         self.gap = self._gap()
+        self.aspect(plan=True, side=False)
 
     # -- figures -------------------------------------------------------------------------------
 
@@ -83,6 +102,9 @@ class TrackViews:
                 legend_label=REPORTED,
             )
             fig.line(h, v, source=self.lines, color=colour, line_width=1, legend_label=label)
+            if letter == "x" and name == "plan":
+                ends = (f"{end}{axis}" for end in ("begin", "end") for axis in axes)
+                fig.segment(*ends, source=self.vectors, line_color=SHIP, line_alpha=0.7, legend_label=GAP)
             dots = fig.scatter(
                 h,
                 v,
@@ -95,20 +117,21 @@ class TrackViews:
                 level=MOVING,
             )
             where = f"@{letter}0{{0.0}}, @{letter}1{{0.0}}, @{letter}2{{0.0}} ft"
-            tips = [("count", "@count"), (label, where), ("", "@used")]
+            tips = [("count", "@count"), (label, where), ("file line", f"@line{letter}"), ("", "@used")]
             fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
         fig.yaxis.formatter.use_scientific = fig.xaxis.formatter.use_scientific = False
         for item in fig.legend[0].items:
             item.tags = [item.label.value]
-            item.visible = item.label.value != REPORTED
+            item.visible = item.label.value not in (REPORTED, GAP)
         style_legend(fig)
         return fig
 
     def _gap(self):
+        self._gap_dots = []
         fig = figure(
             name="gap",
             sizing_mode="stretch_both",
-            tools="xpan,xwheel_zoom,ywheel_zoom,box_select,tap,reset,save",
+            tools="xpan,xwheel_zoom,ywheel_zoom,box_select,lasso_select,tap,reset,save",
             active_scroll="xwheel_zoom",
             x_axis_label="point count",
             y_axis_label="first minus second (ft)",
@@ -128,6 +151,7 @@ class TrackViews:
                 level=MOVING,
             )
             tips = [("count", "@count"), (label, f"@{column}{{0.0}} ft"), ("", "@used")]
+            self._gap_dots.append(dots)
             fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
         fig.add_layout(Span(location=0, dimension="width", line_color=REJECTED, line_width=1))
         style_legend(fig)
@@ -137,17 +161,20 @@ class TrackViews:
 
     # -- data ----------------------------------------------------------------------------------
 
-    def show(self, crossover: CrossoverSet, x=None, y=None, excluded=None, lines=None) -> None:
+    def show(self, crossover: CrossoverSet, x=None, y=None, excluded=None, lines=None, **more) -> None:
         """A set, its tracks moved to x and y (T, 3) where those are given, its straight lines if any.
 
         excluded : (T,) points that an estimate leaves out
         lines : straight lines (2, 2, 3) of the first and of the second version: their two ends
+        more : `why` (T,) words on each point; `places` (2, 3) of the arrays; `residuals`, two of (T, 3)
         """
         x, y = crossover.x if x is None else x, crossover.y if y is None else y
         self._centre, self._course = crossover.x.mean(axis=0), course_of(crossover.x, crossover.point_count)
+        excluded = np.zeros(crossover.points, bool) if excluded is None else excluded
         self.points.data = {
             "count": crossover.point_count.astype(np.int32),
-            **_looks(np.zeros(crossover.points, bool) if excluded is None else excluded),
+            **_looks(excluded, more.get("why")),
+            **_beside(crossover, more.get("places"), more.get("residuals")),
             **self._columns(x, y),
         }
         self.lines.data = (
@@ -155,19 +182,55 @@ class TrackViews:
         )
         self._name_arrays(crossover.pair)
         self._frame(crossover)
+        self._draw_vectors()
 
-    def leave_out(self, excluded: np.ndarray) -> None:
-        """Shows the points where `excluded` (T,) is true as grey crosses."""
-        self.points.data.update(_looks(excluded))
+    def gap_against(self, name: str) -> None:
+        """Draws the gap against one of AGAINST."""
+        column, self.gap.xaxis.axis_label = AGAINST[name]
+        for dots in self._gap_dots:
+            for glyph in (dots.glyph, dots.nonselection_glyph):
+                glyph.x = column
+        values = np.asarray(self.points.data[column], float)
+        values = values[np.isfinite(values)]
+        if len(values):
+            _set_range(self.gap.x_range, values, room=0.03)
+
+    def aspect(self, plan: bool, side: bool) -> None:
+        """Whether one length is as long on both axes of the plan, and of the side view; else they are stretched."""
+        for home, true in ((self.home, plan), (self.side_home, side)):
+            home.tags = [*home.tags[:4], 0.0 if true else 1.0]
+
+    def scale_vectors(self, scale: float) -> None:
+        """Draws gap vectors so many times their length; 0: none."""
+        self.vector_scale = scale
+        self._draw_vectors()
+
+    def _draw_vectors(self) -> None:
+        data = self.points.data
+        shown = self.vector_scale > 0 and len(data["count"]) > 0
+        for item in self.plan.legend[0].items:
+            if item.tags[0] == GAP:
+                item.update(label=value(f"gap, {self.vector_scale:g} times as long"), visible=shown)
+        columns = {}
+        for axis in "01":
+            x, y = (np.asarray(data[f"{letter}{axis}"], float) if shown else np.zeros(0) for letter in "xy")
+            columns |= {f"begin{axis}": x, f"end{axis}": x + self.vector_scale * (y - x)}
+        self.vectors.data = columns
+
+    def leave_out(self, excluded: np.ndarray, why=None) -> None:
+        """Shows the points where `excluded` (T,) is true as grey crosses; `why` (T,) are words on each point."""
+        self.points.data.update(_looks(excluded, why))
 
     def clear(self) -> None:
         """Nothing to see."""
-        for source in (self.points, self.before, self.lines):
+        for source in (self.points, self.before, self.lines, self.vectors):
             source.data = {name: [] for name in source.data}
 
     def move(self, x: np.ndarray, y: np.ndarray) -> None:
         """The same points at new places: only the columns that change are sent."""
         self.points.data.update(self._columns(x, y))
+        if self.vector_scale > 0:
+            self._draw_vectors()
 
     def show_before(self, crossover: CrossoverSet | None) -> None:
         """Faint marks where both versions were reported, or none."""
@@ -177,7 +240,8 @@ class TrackViews:
         )
         for fig in (self.plan, self.side):
             for item in fig.legend[0].items:
-                item.visible = item.tags[0] != REPORTED or crossover is not None
+                if item.tags[0] == REPORTED:
+                    item.visible = crossover is not None
 
     def _tracks(self, x: np.ndarray, y: np.ndarray) -> dict:
         """Columns of both tracks, single precision: a twentieth of an inch at 50,000 ft."""
@@ -207,15 +271,17 @@ class TrackViews:
         places = np.concatenate([crossover.x[near], crossover.y[near]])[:, :2]
         middle = (places.min(axis=0) + places.max(axis=0)) / 2
         half = np.maximum(0.55 * np.ptp(places, axis=0), 50.0)
-        self.home.tags = [
-            float(v)
-            for v in (middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1])
-        ]
+        box = (middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1])
+        self.home.tags = [*map(float, box), self.home.tags[4]]
         along = distance_along(crossover.x[near], self._centre, self._course)
         _set_range(self.side.x_range, along, room=0.05)
         _set_range(self.gap.x_range, crossover.point_count, room=0.03)
         _set_range(self.gap.y_range, np.append(crossover.gap[near].ravel(), 0.0))
-        _set_range(self.side.y_range, np.concatenate([crossover.x[near], crossover.y[near]])[:, 2])
+        heights = np.concatenate([crossover.x[near], crossover.y[near]])[:, 2]
+        _set_range(self.side.y_range, heights)
+        room = 0.05 * np.ptp(along) + 5.0, 0.2 * np.ptp(heights) + 5.0
+        box = (along.min() - room[0], along.max() + room[0], heights.min() - room[1], heights.max() + room[1])
+        self.side_home.tags = [*map(float, box), self.side_home.tags[4]]
 
 
 def _set_range(axis: Range1d, values: np.ndarray, room: float = 0.2) -> None:
@@ -228,10 +294,26 @@ def _set_range(axis: Range1d, values: np.ndarray, room: float = 0.2) -> None:
     axis.update(start=low, end=high, reset_start=low, reset_end=high)
 
 
-def _looks(excluded: np.ndarray) -> dict:
-    """Columns that tell points left out (T,) from the others."""
-    columns = {"used": np.where(excluded, "left out", "used")}
+def _looks(excluded: np.ndarray, why=None) -> dict:
+    """Columns that tell points left out (T,) from the others; `why` (T,) are words on each."""
+    columns = {"used": np.where(excluded, "left out", "used") if why is None else np.asarray(why)}
     for letter, colour, _, marker in VERSIONS:
         columns[f"mark{letter}"] = np.where(excluded, "x", marker)
         columns[f"ink{letter}"] = np.where(excluded, REJECTED, colour)
+    return columns
+
+
+def _beside(crossover: CrossoverSet, places, residuals) -> dict:
+    """Columns that no slider moves: file lines, what the gap is drawn against, residuals about smooth courses."""
+    unknown = np.full((crossover.points, 3), np.nan)
+    lines = np.zeros((crossover.points, 2), int) if crossover.lines is None else crossover.lines
+    columns = {name: lines[:, k].astype(np.int32) for k, name in enumerate(LINE_COLUMNS)}
+    for k, track in enumerate((crossover.x, crossover.y)):
+        away = unknown if places is None else track - places[k]
+        columns[f"range{k}"] = np.linalg.norm(away, axis=1).astype("f4")
+    columns["depth"] = (-crossover.x[:, 2]).astype("f4")
+    columns["heading"] = np.degrees(heading_of(crossover.x, crossover.point_count)).astype("f4")
+    first, second = (unknown, unknown) if residuals is None else residuals
+    for letter, residual in (("x", first), ("y", second)):
+        columns |= {f"r{letter}{k}": residual[:, k].astype("f4") for k in range(3)}
     return columns

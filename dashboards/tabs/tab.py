@@ -42,10 +42,14 @@ from dashboards.session import Session
 log = logging.getLogger("workbench")
 
 # Stylesheet of a small table.
-TABLE = (
-    ":host .tabulator { font-size: 12px; } .tabulator-cell, .tabulator-col { padding: 2px 4px !important; }"
-    " .tabulator .tabulator-col .tabulator-col-content { padding: 2px 0 !important; }"
-)
+TABLE = """
+:host .tabulator { font-size: 12px; }
+.tabulator-cell, .tabulator-col { padding: 2px 4px !important; }
+.tabulator-row, .tabulator-row .tabulator-cell { min-height: 22px !important; height: auto !important; }
+.tabulator-col .tabulator-col-title { white-space: normal !important; padding-right: 12px !important; }
+.tabulator-col .tabulator-col-content { padding: 2px !important; }
+.tabulator-col .tabulator-col-sorter { right: 0 !important; }
+"""
 # An accordion's title as small as the controls above it.
 FOLDED = {
     "& .MuiAccordionSummary-root": {"minHeight": "30px", "padding": "0 8px"},
@@ -200,8 +204,8 @@ class Results(pn.Column):
     def __init__(self):
         super().__init__(margin=0, sizing_mode="stretch_width")
 
-    def show(self, frame: pd.DataFrame, page_size: int, *, sortable: bool = True) -> None:
-        """Puts a new table in the place of the last one.
+    def show(self, frame: pd.DataFrame, page_size: int, *, sortable: bool = True, **options) -> None:
+        """Puts a new table in the place of the last one; options are the Tabulator's.
 
         Always a new one: a page that is still building a Tabulator fails on a change of its columns.
         """
@@ -209,7 +213,7 @@ class Results(pn.Column):
             pn.widgets.Tabulator(
                 frame, disabled=True, show_index=False, pagination="local", page_size=page_size,
                 sizing_mode="stretch_width", theme="simple", layout="fit_columns", margin=(6, 8),
-                stylesheets=[TABLE], configuration={"columnDefaults": {"headerSort": sortable}},
+                stylesheets=[TABLE], configuration={"columnDefaults": {"headerSort": sortable}}, **options,
             )
         ]  # fmt: skip
 

@@ -1,56 +1,99 @@
-"""Tab "Timing": offset and drift of one clock, turned by hand or fitted, over the corrected tracks."""
+"""Tab "Timing": offset and drift of one clock, turned by hand or fitted, and what they say of the run."""
 
 from __future__ import annotations
 
 import html
 
 import numpy as np
-import pandas as pd
 import panel as pn
 import panel_material_ui as pmui
 
+from dashboards.pictures.q_contours import QContours
 from dashboards.pictures.track_views import TrackViews
-from dashboards.tabs.tab import Results, Tab, alone, heading
+from dashboards.session import same_set
+from dashboards.tabs.pages import Pages, above, button, fill, words
+from dashboards.tabs.tab import Tab, alone, choice, heading
+from dashboards.tabs.timing_apply import ApplyPage
+from dashboards.tabs.timing_causes import CausesPage
+from dashboards.tabs.timing_constancy import ConstancyPage
+from dashboards.tabs.timing_profile import ProfilePage
+from dashboards.tabs.timing_sets import SetsPage
+from dashboards.tabs.timing_words import numbers, sentence, set_name
 from trackerlib.commands.timing import document, offsets_csv
-from trackerlib.rounding import value_with_sigma
-from trackerlib.timing.correction import TimingCorrection, corrected_tracks, fit_timing, stretches
+from trackerlib.textfiles import InputError
+from trackerlib.timing.correction import corrected_tracks, estimate_timing, stretches
 
 OFFSET_LIMIT_MS = 10.0
 DRIFT_LIMIT_MS = 0.05
+AT_ONCE = 300  # sets that are fitted without being asked
+METHODS = {"every direction alike (the report)": "report", "directions by their noise (joint)": "joint"}
+OUTLIERS = {"left out of all": "out", "left out of M alone": "noise", "left in": "in"}
+ASPECTS = {
+    "plan true, side stretched": (True, False),
+    "both true": (True, True),
+    "both stretched": (False, False),
+}
+TRACK, Q, PROFILE, SETS, CONSTANCY, CAUSES, APPLY = (
+    "Track", "Q", "Profile", "Sets", "Constancy", "Causes", "Apply"
+)  # fmt: skip
 
 
 class TimingTab(Tab):
-    """Sliders that stretch both versions of a track, and the fit that brings them together."""
+    """Sliders that stretch both versions of a track, the fit that brings them together, the run as a whole."""
 
     title = "Timing"
-    watches = ("crossover", "gating", "profile", "survey", "correction")
+    watches = (
+        "crossover", "gating", "profile", "survey", "correction", "edits", "timing_options", "fits", "offsets"
+    )  # fmt: skip
 
     def __init__(self, session=None, **params):
         super().__init__(session, **params)
-        self.views = TrackViews()
+        self.views, self.q = TrackViews(), QContours()
+        self.profile_page, self.sets_page = ProfilePage(self.session), SetsPage(self.session)
+        self.constancy, self.causes = ConstancyPage(self.session), CausesPage(self.session)
+        self.apply_page = ApplyPage(self.session, self._clock)
         self._set = None
         self._stretches = None
         self._quiet = False
-        self.words = pn.pane.HTML(sizing_mode="stretch_width", margin=(6, 10), styles={"font-size": "14px"})
-        self.numbers = pn.pane.HTML(sizing_mode="stretch_width", margin=(0, 10), styles={"font-size": "13px"})
-        self.chosen = pmui.Select(
-            label="Set", options=[], size="small", sizing_mode="stretch_width", margin=(10, 8, 5, 8)
-        )
+        self.words, self.run_words, self.numbers = words("14px"), words("14px"), words()
+        self._make_controls()
+        self._make_pages()
+
+    # -- parts ---------------------------------------------------------------------------------
+
+    def _make_controls(self) -> None:
+        self.chosen = choice("Set", {}, None)
+        self.chosen.margin = (10, 8, 5, 8)
         self.chosen.param.watch(lambda event: self._choose(event.new), "value")
         self.offset_ms = _slider("Offset (ms)", OFFSET_LIMIT_MS, 0.001, "0.000")
         self.drift_ms = _slider("Drift (ms per count)", DRIFT_LIMIT_MS, 0.0001, "0.0000")
         for slider in (self.offset_ms, self.drift_ms):
             slider.param.watch(lambda event: self._turned(), "value")
-        self.fit = pmui.Button(label="Fit", icon="auto_fix_high", size="small", margin=(6, 4, 2, 8))
-        self.fit.on_click(lambda event: self._fit())
-        self.zero = pmui.Button(label="Zero", size="small", variant="outlined", margin=(6, 4, 2, 4))
-        self.zero.on_click(lambda event: self._put(0.0, 0.0))
+        self.fit = button("Fit", self._fit, variant="contained", margin=(6, 4, 2, 8))
+        self.zero = button("Zero", lambda: self._put(0.0, 0.0), margin=(6, 4, 2, 4))
+        self.fit_all = button("Fit every set", self.session.fit_every_set, margin=(6, 4))
         self.show_before = pmui.Checkbox(label="Show as reported", value=True, margin=(0, 8))
         self.show_before.param.watch(lambda event: self._draw_before(), "value")
-        self.fit_all = pmui.Button(label="Fit every set", size="small", variant="outlined", margin=(6, 8))
-        self.fit_all.on_click(lambda event: self._fit_all())
-        self.table = Results()
-        self._answers: list[dict] = []
+        self.aspect = choice("Aspect", {name: name for name in ASPECTS}, next(iter(ASPECTS)))
+        self.aspect.param.watch(lambda event: self.views.aspect(*ASPECTS[event.new]), "value")
+        self.method = choice("Directions weigh", METHODS, "report")
+        self.outliers = choice("Outliers", OUTLIERS, "out")
+        for widget, name in ((self.method, "method"), (self.outliers, "outliers")):
+            widget.param.watch(lambda event, name=name: self._set_option(name, event.new), "value")
+
+    def _make_pages(self) -> None:
+        self.pages = Pages(
+            {
+                TRACK: above(fill(self.views.plan), fill(self.views.side), fill(self.views.gap)),
+                Q: fill(self.q.figure),
+                PROFILE: self.profile_page.pane,
+                SETS: self.sets_page.pane,
+                CONSTANCY: self.constancy.pane,
+                CAUSES: self.causes.pane,
+                APPLY: self.apply_page.pane,
+            }
+        )
+        self.pages.on_show(self._show_page)
 
     def controls(self):
         return [
@@ -58,63 +101,118 @@ class TimingTab(Tab):
             heading("Clock"),
             self.offset_ms,
             self.drift_ms,
-            pn.Row(self.fit, self.zero, margin=0),
+            pn.Row(self.fit, self.zero, self.fit_all, margin=0),
             self.show_before,
-            self.fit_all,
+            self.aspect,
         ]
+
+    def more(self):
+        return {"How it is fitted": [self.method, self.outliers]}
 
     def picture(self):
-        return pn.pane.Bokeh(self.views.plan, sizing_mode="stretch_both", margin=0)
-
-    def strips(self):
-        return [
-            pn.pane.Bokeh(figure, sizing_mode="stretch_both", margin=0)
-            for figure in (self.views.side, self.views.gap)
-        ]
+        return self.pages
 
     def answer(self):
-        return pn.Column(self.words, self.numbers, self.table, margin=0)
+        return pn.Column(self.words, self.run_words, self.numbers, margin=0)
+
+    # -- what is shown -------------------------------------------------------------------------
 
     def refresh(self, changed):
         session = self.session
-        if changed & {"gating"} and session.gating is not None:
-            self._quiet = True
-            self.chosen.options = {set_name(one): k for k, one in enumerate(session.gating.sets)}
-            self._quiet = False
-            self._answers = []
-            self.table.clear()
+        self._show_controls(changed)
+        if changed & {"gating", "profile", "survey", "edits"}:
+            self.causes.forget()
         missing = [name for name in ("crossover", "survey", "profile") if getattr(session, name) is None]
         if missing:
-            self.words.object = (
+            self._refuse(
                 f"<b>Nothing to correct yet:</b> no {', no '.join(missing)}. Open a T-file and its arrays."
             )
             return
-        if changed & {"crossover", "survey", "profile", "gating"}:
+        if changed & {"crossover", "survey", "profile", "gating", "edits", "timing_options"}:
             self._take_set()
-        if session.correction is not None and "correction" in changed:
+        if session.correction is not None and "correction" in changed and self._set is not None:
+            self.q.show(session.correction)
             self._put(1e3 * session.correction.offset_s, 1e3 * session.correction.drift_s_per_count)
+        if changed & {"fits", "gating", "crossover", "offsets"}:
+            self._show_run("fits" in changed or "gating" in changed)
+        self._show_page()
+
+    def _show_controls(self, changed: set[str]) -> None:
+        session = self.session
+        self._quiet = True
+        if "gating" in changed and session.gating is not None:
+            self.chosen.options = {set_name(one): k for k, one in enumerate(session.gating.sets)}
+        for widget, name in ((self.method, "method"), (self.outliers, "outliers")):
+            widget.value = session.timing_options[name]
+        self._quiet = False
+
+    def _refuse(self, why: str) -> None:
+        """No tracks to move, and the reason where the answer would stand."""
+        self._set = None
+        self.views.clear()
+        self.q.show(None)
+        self.words.object, self.numbers.object = why, ""
+
+    def _show_run(self, anew: bool) -> None:
+        """What every set's fit says of the run; a run of no great size is fitted unasked."""
+        session = self.session
+        sets = () if session.gating is None else session.gating.sets
+        if not session.fits and 0 < len(sets) <= AT_ONCE:
+            self.run_words.object = ""
+            session.fit_every_set()
+            return
+        if not anew:
+            self.sets_page.choose()
+            return
+        told = self.sets_page.show()
+        self.run_words.object = told
+        self.apply_page.verdict = self.sets_page.verdict
+
+    def _show_page(self) -> None:
+        """Brings the page in sight up to date."""
+        shown = self.pages.shown
+        if shown == PROFILE:
+            self.profile_page.show()
+        elif shown == CONSTANCY:
+            self.constancy.show(self.sets_page.verdict, self.run_words.object)
+        elif shown == CAUSES:
+            self.causes.show()
+        elif shown == APPLY:
+            self.apply_page.apply()
 
     # -- the set -------------------------------------------------------------------------------
 
     def _take_set(self) -> None:
         session = self.session
-        self._set = session.crossover
-        self._stretches = stretches(self._set, session.survey, session.profile)
+        crossover = session.crossover
+        try:
+            self._stretches = stretches(crossover, session.survey, session.profile)
+        except InputError as error:
+            self._refuse(f"<b>This set cannot be corrected:</b> {html.escape(str(error))}.")
+            return
+        self._set = crossover
         self._quiet = True
-        if session.gating is not None and any(one is self._set for one in session.gating.sets):
-            self.chosen.value = next(k for k, one in enumerate(session.gating.sets) if one is self._set)
+        if session.gating is not None:
+            at = (k for k, one in enumerate(session.gating.sets) if same_set(one, crossover))
+            self.chosen.value = next(at, None)
         self._quiet = False
-        self.views.show(self._set, excluded=None)
+        self.views.show(crossover)
         self._draw_before()
-        self._put(0.0, 0.0)
-        if session.correction is None:
-            self._fit()
+        self._fit()
 
     def _choose(self, index) -> None:
         if not self._quiet and index is not None:
             self.session.param.update(correction=None, crossover=self.session.gating.sets[index])
 
+    def _set_option(self, name: str, value: str) -> None:
+        if not self._quiet:
+            self.session.edit(timing_options=self.session.timing_options | {name: value})
+
     # -- the clock -----------------------------------------------------------------------------
+
+    def _clock(self) -> tuple[float, float, float]:
+        """Offset [s], drift [s/count] and t0 as the sliders stand."""
+        return 1e-3 * self.offset_ms.value, 1e-3 * self.drift_ms.value, self._t0()
 
     def _put(self, offset_ms: float, drift_ms: float) -> None:
         """Sets both sliders at once, widening their ends where the numbers ask for it."""
@@ -132,24 +230,28 @@ class TimingTab(Tab):
         """Redraws both tracks for the sliders as they stand."""
         if self._quiet or self._set is None:
             return
-        x, y = corrected_tracks(
-            self._set, *self._stretches, 1e-3 * self.offset_ms.value, 1e-3 * self.drift_ms.value, self._t0()
-        )
+        x, y = corrected_tracks(self._set, *self._stretches, *self._clock())
         with pn.io.hold():
             self.views.move(x, y)
+            if self.pages.shown == Q:
+                self.q.move(self.offset_ms.value, self.drift_ms.value)
             self._tell(x - y)
 
     def _t0(self) -> float:
         correction = self.session.correction
-        return float(np.mean(self._set.point_count)) if correction is None else correction.t0
+        if correction is not None:
+            return correction.t0
+        return 0.0 if self._set is None else float(np.mean(self._set.point_count))
 
     def _fit(self) -> None:
         session = self.session
         if self._set is None:
             return
-        correction = fit_timing(self._set, session.survey, session.profile)
+        left_out = session.left_out(self._set)
+        correction = estimate_timing(self._set, *self._stretches, left_out=left_out, **session.timing_options)
         session.correction = correction
-        self.views.leave_out(correction.excluded)
+        why = np.where(left_out, "left out by hand", np.where(correction.excluded, "outlier", "used"))
+        self.views.leave_out(correction.excluded, why)
         if not self.active:  # the session's change is only followed in sight
             self._put(1e3 * correction.offset_s, 1e3 * correction.drift_s_per_count)
 
@@ -162,57 +264,37 @@ class TimingTab(Tab):
         correction = self.session.correction
         keep = np.ones(len(gap), bool) if correction is None else ~correction.excluded
         rms = float(np.sqrt(np.mean(np.sum(gap[keep] ** 2, axis=1)))) if keep.any() else 0.0
-        fitted = correction is not None and abs(1e3 * correction.offset_s - self.offset_ms.value) < 5e-4
         if correction is None:
             self.words.object = (
                 f"The gap is {rms:.1f} ft (root mean square). <b>Fit</b> finds the offset that closes it."
             )
-        else:
-            self.words.object = sentence(self._set, correction) + (
-                ""
-                if fitted
-                else f"<br>At the sliders the gap is {rms:.1f} ft; <b>Fit</b> goes back to the best."
-            )
-            self.numbers.object = numbers(correction)
-
-    def _fit_all(self) -> None:
-        session = self.session
-        if session.gating is None or session.profile is None:
-            session.say("Open a T-file and its array table first")
             return
-        sets, survey, profile = session.gating.sets, session.survey, session.profile
+        fitted = abs(1e3 * correction.offset_s - self.offset_ms.value) < 5e-4
+        self.words.object = sentence(self._set, correction) + self._in_shadow() + (
+            "" if fitted else f"<br>At the sliders the gap is {rms:.1f} ft; <b>Fit</b> goes back to the best."
+        )  # fmt: skip
+        self.numbers.object = numbers(correction)
 
-        def work(progress):
-            answers = []
-            for k, one in enumerate(sets):
-                progress(k / len(sets), f"set {k + 1} of {len(sets)}")
-                answers.append(document(one.source, one, fit_timing(one, survey, profile)))
-            return answers
-
-        session.jobs.start("Fit every set", work, self._show_all)
-
-    def _show_all(self, answers: list[dict]) -> None:
-        self._answers = answers
-        frame = pd.DataFrame(
-            {
-                "pair": ["{}-{}".format(*one["pair"]) for one in answers],
-                "T": [one["points"] for one in answers],
-                "offset (ms)": [round(one["offset_ms"], 3) for one in answers],
-                "± (ms)": [
-                    None if one["sigma_offset_ms"] is None else round(one["sigma_offset_ms"], 3)
-                    for one in answers
-                ],
-                "after (ft)": [round(one["rms_after_ft"], 1) for one in answers],
-            }
+    def _in_shadow(self) -> str:
+        """Words on points that no direct ray reaches, as HTML."""
+        missed = int(np.sum(~(self._stretches[0].reached & self._stretches[1].reached)))
+        if not missed:
+            return ""
+        return (
+            f" Refraction turns the rays away from {missed} of {self._set.points} points; they take no part. "
+            "<b>Profile</b> shows which."
         )
-        self.table.show(frame, 12)
 
     def export(self):
         if self.session.correction is None or self._set is None:
             return None
-        answers = self._answers or [document(self._set.source, self._set, self.session.correction)]
-        label = "# SIMULATED DATA\n" if self.session.simulated else ""
-        return "offsets.csv", label + offsets_csv(answers, "", "")
+        session = self.session
+        label = "# SIMULATED DATA\n" if session.simulated else ""
+        answers = [document(self._set.source, self._set, session.correction)]
+        if session.fits:
+            pairs = zip(session.gating.sets, session.fits, strict=True)
+            answers = [document(one.source, one, fit) for one, fit in pairs if fit is not None]
+        return "offsets.csv", label + offsets_csv(answers, "1", f"mode {session.gating.mode}")
 
 
 def _slider(label: str, limit: float, step: float, digits: str):
@@ -223,53 +305,6 @@ def _slider(label: str, limit: float, step: float, digits: str):
     )  # fmt: skip
     slider._debounce = 1  # ms that Panel waits for further changes, 50 unless told
     return slider
-
-
-def set_name(crossover) -> str:
-    """A set as lists name it."""
-    first, second = crossover.pair
-    return f"{first}-{second}, pass {crossover.pass_number} ({crossover.points} points)"
-
-
-def sentence(crossover, correction: TimingCorrection) -> str:
-    """The correction as a person would read it aloud, as HTML."""
-    first, second = crossover.pair
-    sigma = None if correction.sigma_offset_s is None else 1e3 * correction.sigma_offset_s
-    way = "too short" if correction.offset_s > 0 else "too long"
-    words = (
-        f"<b>Transit times were {way} by {value_with_sigma(abs(1e3 * correction.offset_s), sigma, 'ms')}</b> "
-        f"at point count {correction.t0:.0f}, as arrays {first} and {second} saw it: correcting it takes the gap from "
-        f"{correction.rms_before:.1f} to {correction.rms_after:.1f} ft."
-    )
-    return words + (f" {html.escape(correction.reason)}." if correction.reason else "")
-
-
-def numbers(correction: TimingCorrection) -> str:
-    """The numbers of a correction, as an HTML table."""
-    drift_sigma = (
-        None if correction.sigma_drift_s_per_count is None else 1e3 * correction.sigma_drift_s_per_count
-    )
-    offset_sigma = None if correction.sigma_offset_s is None else 1e3 * correction.sigma_offset_s
-
-    def feet(vector):
-        return ", ".join(f"{value:.1f}" for value in vector) + " ft"
-
-    rows = [
-        ("offset", value_with_sigma(1e3 * correction.offset_s, offset_sigma, "ms")),
-        ("drift", value_with_sigma(1e3 * correction.drift_s_per_count, drift_sigma, "ms/count")),
-        ("at point count (t0)", f"{correction.t0:.1f}"),
-        ("points used", f"{correction.points} of {len(correction.excluded)}"),
-        ("mean gap before", feet(correction.mean_before)),
-        ("mean gap after", feet(correction.mean_after)),
-        ("track", "bends" if correction.curved else "straight"),
-    ]
-    if correction.correlation is not None:
-        rows.insert(3, ("correlation of the two", f"{correction.correlation:.2f}"))
-    cells = "".join(
-        f'<tr><td style="opacity:.75;padding:1px 8px 1px 0">{html.escape(name)}</td><td>{html.escape(text)}</td></tr>'
-        for name, text in rows
-    )
-    return f"<table>{cells}</table><div style='opacity:.75'>gaps: downrange, crossrange, vertical</div>"
 
 
 alone(__name__, "dashboards.tabs.timing:TimingTab")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from trackerlib.crossover.gaps import course_of, distance_along, summarise_gap
+from trackerlib.crossover.gaps import course_of, distance_along, heading_of, summarise_gap
 from trackerlib.crossover.pairs import CrossoverSet
 
 
@@ -54,3 +54,11 @@ def test_distance_along_grows_with_time_on_any_course(heading):
 def test_a_track_that_goes_nowhere_is_seen_from_downrange():
     assert course_of(np.zeros((1, 3)), np.array([5])).tolist() == [1, 0]
     assert course_of(np.zeros((4, 3)) + [0, 0, 1] * np.arange(4)[:, None], np.arange(4)).tolist() == [1, 0]
+
+
+def test_heading_follows_the_track_through_a_gap_and_for_two_points():
+    counts = np.array([1, 2, 3, 4, 40, 41])
+    track = np.column_stack([10.0 * counts, 10.0 * counts, 0.0 * counts])
+    assert np.degrees(heading_of(track, counts)) == pytest.approx(45.0)
+    assert np.degrees(heading_of(-track[[0, 4]], counts[[0, 4]])) == pytest.approx(-135.0)
+    assert np.isnan(heading_of(track[:1], counts[:1])).all()

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from dashboards.session import UPLOAD_LIMIT_MB, Session, kind_of
+from dashboards.file_kinds import kind_of
+from dashboards.session import UPLOAD_LIMIT_MB, Session
 from trackerlib.textfiles import InputError
 
 
@@ -31,6 +32,8 @@ def range_run():
         ("beacon-demo/survey.csv", "survey"),
         ("beacon-demo/soundspeed.csv", "profile"),
         ("range-demo/tfile.dat", "tfile"),
+        ("range-demo/VELOCITY.DAT", "velocity"),
+        ("read-1990/offsets.csv", "offsets"),
         ("range-demo/arrays.csv", "arrays"),
     ],
 )

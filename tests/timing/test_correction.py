@@ -295,3 +295,27 @@ def test_a_separation_that_timing_cannot_close_is_flagged():
     crossover = simulated(3)
     assert fitted(crossover).separated == ()
     assert fitted(replace(crossover, x=crossover.x + np.array([0.0, 0.0, 4.0]))).separated == ("vertical",)
+
+
+def test_points_left_out_by_hand_count_for_nothing():
+    truth = ClockTruth(2.5e-3)
+    seen = simulate_crossover(ALONG, COUNTS, (LEFT, RIGHT), PROFILE, truth, np.random.default_rng(3))
+    both = stretch(seen.x, LEFT, PROFILE), stretch(seen.y, RIGHT, PROFILE)
+    left_out = np.isin(COUNTS, [3, 4, 50])
+    with_mask = estimate_timing(seen, *both, left_out=left_out)
+    rest = seen.only(~left_out)
+    bare = estimate_timing(rest, stretch(rest.x, LEFT, PROFILE), stretch(rest.y, RIGHT, PROFILE))
+    assert with_mask.offset_s == pytest.approx(bare.offset_s, rel=1e-12)
+    assert with_mask.sigma_offset_s == pytest.approx(bare.sigma_offset_s, rel=1e-9)
+    assert with_mask.excluded[left_out].all()
+
+
+def test_all_points_left_out_is_said_in_words():
+    seen = simulate_crossover(
+        ALONG, COUNTS, (LEFT, RIGHT), PROFILE, ClockTruth(0.0), np.random.default_rng(3)
+    )
+    both = stretch(seen.x, LEFT, PROFILE), stretch(seen.y, RIGHT, PROFILE)
+    nothing = estimate_timing(seen, *both, left_out=np.ones(60, bool))
+    assert nothing.points == 0
+    assert nothing.sigma_offset_s is None
+    assert "no point is left" in nothing.reason

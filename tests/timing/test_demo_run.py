@@ -15,6 +15,7 @@ from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.timing.constancy import sets_constant
 from trackerlib.timing.correction import fit_timing
+from trackerlib.timing.one_run import judge_run
 
 WRONG_ARRAY = 5  # surveyed in the wrong place on purpose
 
@@ -133,3 +134,18 @@ def test_one_offset_serves_a_vehicle_unless_the_wrong_array_takes_part(data, mod
     assert good.dof > 30
     assert low < good.distance < high
     assert judged(sure).p_value < 1e-6
+
+
+def test_without_the_wrong_array_one_offset_serves_and_with_it_none_does(data):
+    folder = data / "range-demo"
+    reports, survey = read_tfile(folder / "tfile.dat").reports, read_arrays(folder / "arrays.csv").survey
+    profile = read_velocity(folder / "VELOCITY.DAT").profile
+    sets = gate_reports(reports, survey, 7).sets
+    verdict = judge_run(sets, [fit_timing(one, survey, profile) for one in sets])
+    assert verdict.whole.p_value < 1e-12
+    assert verdict.simplest is verdict.without[0]
+    assert verdict.simplest.left_out == WRONG_ARRAY
+    band = stats.chi2.ppf([0.025, 0.975], verdict.simplest.dof)
+    assert band[0] < verdict.simplest.distance < band[1]
+    assert abs(1e3 * verdict.simplest.offset_s - 2.85) < 3 * 1e3 * verdict.simplest.sigma_offset_s
+    assert verdict.without[1].p_value < 1e-12

@@ -147,7 +147,8 @@ def report(answer: dict) -> str:
     if "track" in answer:
         lines.append(
             f"whole track of {answer['track_points']} counts written to {answer['track']}; its "
-            f"{answer['hand_overs']} hand-overs jump {answer['mean_jump_after_ft']:.1f} ft, before {answer['mean_jump_before_ft']:.1f} ft (rms)"
+            f"{answer['hand_overs']} hand-overs jump {answer['mean_jump_after_ft']:.1f} ft, before "
+            f"{answer['mean_jump_before_ft']:.1f} ft (rms)"
         )
     return "\n".join(lines)
 

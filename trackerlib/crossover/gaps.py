@@ -11,6 +11,7 @@ from trackerlib.crossover.straight_line import fit_straight_line
 
 SIGMA_OF_MAD = 1.4826  # standard deviation of a normal law over its median absolute deviation
 FAR_SPREADS = 8.0
+HEADING_COUNTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,3 +49,22 @@ def course_of(track: np.ndarray, point_count: np.ndarray) -> np.ndarray:
 def distance_along(position: np.ndarray, centre: np.ndarray, course: np.ndarray) -> np.ndarray:
     """Horizontal distance (T,) of positions (T, 3) from a centre (3,) along a course (2,)."""
     return (position - centre)[:, :2] @ course
+
+
+def heading_of(track: np.ndarray, point_count: np.ndarray, counts: int = HEADING_COUNTS) -> np.ndarray:
+    """Heading (T,) [rad] of a track (T, 3), from the downrange axis towards crossrange.
+
+    Of the chord over so many point counts either side, so that noise does not turn it; NaN for a single point.
+    """
+    if len(point_count) < 2:
+        return np.full(len(point_count), np.nan)
+    early = np.searchsorted(point_count, point_count - counts)
+    late = np.searchsorted(point_count, point_count + counts, side="right") - 1
+    # A point with no other so near takes its neighbour.
+    alone = early == late
+    early, late = (
+        np.where(alone & (early > 0), early - 1, early),
+        np.where(alone & (early == 0), late + 1, late),
+    )
+    chord = track[late] - track[early]
+    return np.arctan2(chord[:, 1], chord[:, 0])

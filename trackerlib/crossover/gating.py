@@ -120,6 +120,11 @@ def gate_reports(
     )
 
 
+def ready_sets(sets: Sequence[CrossoverSet]) -> GatingResult:
+    """Sets that were gated elsewhere, with nothing to tell of the gates."""
+    return GatingResult(0, GateCounts(0, 0, 0, 0, 0, 0, 0, 0), tuple(sets), (), {}, (), ())
+
+
 def gate_mode_and_flag(reports: PositionReports, mode: int) -> PositionReports:
     """Gate 1: reports of one vehicle's mode without an edit mark, in order of point count."""
     wanted = (reports.mode == mode) & ~reports.flagged
@@ -157,6 +162,7 @@ def pair_up(reports: PositionReports, gap_counts: int = GAP_COUNTS) -> list[Cros
             y=reports.position[second],
             range_name=reports.range_name,
             source=reports.source,
+            lines=np.column_stack([reports.line[first], reports.line[second]]),
         )
         sets += split_passes(whole, gap_counts)
     return sets

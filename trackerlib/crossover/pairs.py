@@ -18,6 +18,7 @@ class CrossoverSet:
     pass_number: int = 1  # passes of one pair, from 1
     range_name: str = ""
     source: str = ""  # file it came from
+    lines: np.ndarray | None = None  # (T, 2) lines of that file that the two versions stand in, from 1
 
     def __post_init__(self):
         shapes = {"x": self.x.shape, "y": self.y.shape}
@@ -36,7 +37,8 @@ class CrossoverSet:
 
     def only(self, keep: np.ndarray | slice) -> CrossoverSet:
         """The same set with the points where `keep` (T,) is true, or those of a slice."""
-        return replace(self, point_count=self.point_count[keep], x=self.x[keep], y=self.y[keep])
+        lines = None if self.lines is None else self.lines[keep]
+        return replace(self, point_count=self.point_count[keep], x=self.x[keep], y=self.y[keep], lines=lines)
 
     def numbered(self, pass_number: int) -> CrossoverSet:
         """The same set as another pass of its pair."""

@@ -43,10 +43,12 @@ def choose_degree(track: np.ndarray, point_count: np.ndarray, significance: floa
     happens to vanish is not missed. Fewer than MIN_POINTS points are never more than a line.
     """
     points = len(track)
+    if points < MIN_POINTS:
+        return 1
     share, _, _ = _shares(point_count)
     most = min(MOST_DEGREES, points - 3)
     degree = 1
-    while points >= MIN_POINTS and degree < most:
+    while degree < most:
         here = _left(track, share, degree)
         higher = [
             more

@@ -70,6 +70,7 @@ def parse_crossover(
         pass_number=int(match[1]) if match else 1,
         range_name=range_name,
         source=name,
+        lines=np.array([(line, line) for line, _ in records]),
     )
     return CrossoverReading(crossover, tuple(sorted(bad + repeats, key=lambda b: b.line)), tuple(notes))
 

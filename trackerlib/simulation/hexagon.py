@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from trackerlib.beacon.pairs import experiments, fix_pairs
-from trackerlib.beacon.squared_range import MOVING, SquaredRangeFixes, fix_squared_range
+from trackerlib.beacon.squared_range import MOVING, SquaredRangeFixes, fix_squared_range, refusals
 
 LEG_M = 1000.0
 INTERVAL_S = 2.0
@@ -27,6 +27,7 @@ TIME_RMS_S = SAMPLE_S / np.sqrt(12)  # of a time read off 1 ms samples
 BATCH = 200  # trials simulated at once
 CHAIN = 64  # receptions that noise is drawn for at once
 PROBABILITY = 0.95
+NOT_AT_REST = "no place inside the search box at which the iteration rests"
 METHODS = ("all-pings", "thesis")  # every reception; the thesis's chained experiments
 
 
@@ -86,6 +87,7 @@ class Trials:
     covariance: np.ndarray  # (M, 3 or 6, 3 or 6)
     converged: np.ndarray  # (M,)
     bound: np.ndarray  # (3 or 6,) Cramer-Rao bound of each component
+    refused_why: dict[str, int]  # how many trials were refused, by reason
 
     @property
     def errors(self) -> np.ndarray:
@@ -232,6 +234,7 @@ def run_trials(receptions: Receptions, gps_rms_m: float, trials: int, seed: int)
         np.concatenate([part.covariance for part in parts])[:, keep][:, :, keep],
         np.concatenate([part.converged for part in parts]),
         position_bound(receptions, gps_rms_m, range_rms),
+        refusals(np.concatenate([part.why for part in parts])),
     )
 
 
@@ -272,6 +275,7 @@ def run_pair_trials(receptions: Receptions, spacing: int, gps_rms_m: float, tria
         fixes.covariance,
         fixes.converged,
         position_bound(receptions, gps_rms_m, range_rms),
+        {NOT_AT_REST: lost} if (lost := int(np.sum(~fixes.converged))) else {},
     )
 
 

@@ -80,7 +80,7 @@ def run_usual_trials(receptions: Receptions, gps_rms_m: float, trials: int, seed
     ]  # fmt: skip
     estimate, covariance, converged = (np.concatenate(parts) for parts in zip(*found, strict=True))
     bound = position_bound(receptions, gps_rms_m, SOUND_SPEED_MPS * TIME_RMS_S)
-    return Trials(receptions, estimate, covariance, converged & np.isfinite(bound).all(), bound)
+    return Trials(receptions, estimate, covariance, converged & np.isfinite(bound).all(), bound, {})
 
 
 def compare(receptions: Receptions, gps_rms_m: float, trials: int, seed: int) -> Comparison:

@@ -10,7 +10,7 @@ pattern, so all of them stand in one system of normal equations, and any one or 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -132,11 +132,16 @@ class _Normal:
 
 
 def compare_causes(
-    sets: Sequence[CrossoverSet], survey: ArraySurvey, profile: SoundSpeedProfile, pairs: bool = True
+    sets: Sequence[CrossoverSet],
+    survey: ArraySurvey,
+    profile: SoundSpeedProfile,
+    pairs: bool = True,
+    progress: Callable[[float, str], None] = lambda share, text: None,
 ) -> Ranking:
     """Every cause, and with `pairs` every two of them, on all sets of a run together.
 
     The sets share one clock and one water; a cause of an array acts in each set that the array has part in.
+    progress is told the share done, and in words what is looked at.
     AICc counts gaps by how many of them are independent. Sets of fewer than MIN_POINTS points, and sets that no
     ray reaches, are skipped and named. Raises ValueError where no set is left.
     """
@@ -163,7 +168,10 @@ def compare_causes(
     counts = np.concatenate([one.point_count for one, _ in usable])
     downrange = np.concatenate([one.x[:, 0] for one, _ in usable])
     centre = (float(np.mean(counts)), float(np.mean(downrange)))
-    normals = [_normal(one, fit, survey, profile, columns, centre) for one, fit in usable]
+    normals = []
+    for k, (one, fit) in enumerate(usable):
+        progress(k / len(usable), f"set {k + 1} of {len(usable)}")
+        normals.append(_normal(one, fit, survey, profile, columns, centre))
     total = _added(normals, int(ends[-1]))
     candidates: list[tuple[Cause, ...]] = [(cause,) for cause in causes]
     if pairs:

@@ -40,7 +40,7 @@ class TimingCorrection:
     drift_s_per_count: float
     t0: float  # point count at which the offset holds, eq. (9)
     points: int  # used
-    excluded: np.ndarray  # (T,) true at outliers and at points that no ray reaches
+    excluded: np.ndarray  # (T,) true at outliers, at points left out by hand and at those that no ray reaches
     residual: np.ndarray  # (T, 3) gap that remains after correction
     mean_before: np.ndarray  # (3,) mean gap downrange, crossrange, vertical
     mean_after: np.ndarray  # (3,)
@@ -124,6 +124,7 @@ def estimate_timing(
     *,
     method: str = "report",
     outliers: str = "out",
+    left_out: np.ndarray | None = None,
 ) -> TimingCorrection:
     """Offset and drift that bring two versions of a track together, eqs. (9)-(19).
 
@@ -131,6 +132,7 @@ def estimate_timing(
     method : "report" weighs every direction alike, (10); "joint" weighs them by M, renewed until it settles
     outliers : "out" leaves them out of the offset and of M; "noise" of M alone, as the report did in 17 sets;
         "in" of nothing
+    left_out : (T,) true at points that an analyst leaves out, of offset and of M
     Gaps farther than CUT robust standard deviations from the corrected ones are outliers: one list for both. M is
     taken about smooth courses after the correction, so that a gap which changes along the track because of the
     offset itself does not count as noise.
@@ -140,6 +142,7 @@ def estimate_timing(
         raise ValueError(f"found {method!r}, {outliers!r}; wanted one of {METHODS} and one of {OUTLIERS}")
     c = first.velocity - second.velocity
     usable = first.reached & second.reached
+    usable = usable if left_out is None else usable & ~left_out
     c = np.where(usable[:, None], c, 0.0)
     count = crossover.point_count.astype(float)
     quiet = usable if outliers == "in" else usable & _without_outliers(crossover.gap, c, count, usable)
@@ -250,6 +253,8 @@ def _rms(gap: np.ndarray) -> float:
 
 def _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, weighing) -> TimingCorrection:
     """The correction with its variances (15)-(19), or with the reason why there are none."""
+    if not bare.points:
+        return replace(bare, reason="no point is left: each is excluded, or no direct ray reaches it")
     count = crossover.point_count[keep].astype(float)
     residual = bare.residual[keep]
     t = count - bare.t0

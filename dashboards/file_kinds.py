@@ -1,0 +1,37 @@
+"""Which kind of file it is, seen from its first lines."""
+
+from __future__ import annotations
+
+from trackerlib.rangefiles.velocity_file import SPEED_LIMITS
+
+
+def kind_of(lines: list[str]) -> str:
+    """Which kind of file begins with these lines: a key of the openers in `Session.open_file`."""
+    head = "\n".join(lines[:40]).lower()
+    if "workbench_session" in head:
+        return "session"
+    if "offset_ms" in head:
+        return "offsets"
+    if "first_array" in head and "point_count" in head:
+        return "edits"
+    if "speed_mps" in head:
+        return "profile"
+    if "oneway_s" in head or "msec." in head or "gps time" in head:
+        return "survey"
+    rows = [line.replace(",", " ").split() for line in lines[1:8] if not line.startswith("#")]
+    if rows and all(len(row) == 7 and row[0].isdigit() and "." in row[5] and "." in row[6] for row in rows):
+        return "crossover"
+    if any(len(line) >= 68 and line[67:68].isdigit() and line[:5].strip().isdigit() for line in lines[:400]):
+        return "tfile"
+    if rows and all(len(row) == 2 and _is_speed_ftps(row[1]) for row in rows):
+        return "velocity"
+    if "array" in head or all(len(line.replace(",", " ").split()) in (4, 5) for line in lines[:3]):
+        return "arrays"
+    return "survey"
+
+
+def _is_speed_ftps(text: str) -> bool:
+    try:
+        return SPEED_LIMITS[0] <= float(text) <= SPEED_LIMITS[1]
+    except ValueError:
+        return False
