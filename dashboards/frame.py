@@ -165,7 +165,7 @@ class Workbench:
                 "ctrl+z": self.session.undo,
                 "ctrl+y": self.session.redo,
                 "ctrl+shift+z": self.session.redo,
-                "space": lambda: self.tabs[self._tabs.active].play(),
+                "space": lambda: self.tabs[self._tabs.active].play_or_pause(),
             },
             typing=("ctrl+s", "ctrl+o"),
         )

@@ -123,7 +123,7 @@ class ChartTab(Inputs, TraceActions, Tab):
     def _bind(self) -> None:
         c = self.controls_
         clicks = {
-            c.play: self.play, c.at_once: self._to_the_end, c.clear: self._clear,
+            c.play: self.play_or_pause, c.at_once: self._to_the_end, c.clear: self._clear,
             c.open_path: lambda: self._open_recording(Path(c.path.value.strip()).expanduser()),
             c.open_stored: lambda: self._open_stored(Path(c.stored.value.strip()).expanduser()),
             c.simulate: self._simulate, c.connect: self._connect, c.emulate: self._emulate,
@@ -420,7 +420,7 @@ class ChartTab(Inputs, TraceActions, Tab):
         self.paper.keep(history)
         self._redraw()
 
-    def play(self) -> None:
+    def play_or_pause(self) -> None:
         """Plays or pauses what is on the paper."""
         if self.kind == SURVEY:
             self.session.play()

@@ -104,7 +104,7 @@ class Tab(Viewer):
         """A file for the Export menu, or None while there is nothing to export."""
         return None
 
-    def play(self) -> None:
+    def play_or_pause(self) -> None:
         """What the space bar does."""
         self.session.play()
 

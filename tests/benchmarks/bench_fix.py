@@ -109,4 +109,6 @@ if __name__ == "__main__":
     warm()
     for number in (1, 4):
         for gps in (3.0, 25.0):
-            print(f"scenario {number}, {gps:g} m: {compare(sail_hexagon(SCENARIOS[number], RECEPTIONS), gps)}")
+            print(
+                f"scenario {number}, {gps:g} m: {compare(sail_hexagon(SCENARIOS[number], RECEPTIONS), gps)}"
+            )

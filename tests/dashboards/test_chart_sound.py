@@ -127,11 +127,11 @@ def test_the_threshold_bares_the_paper(tab):
 
 
 def test_a_replay_begins_with_bare_paper_and_ends_with_all(tab):
-    tab.play()
+    tab.play_or_pause()
     tab.session.speed = 100
     tab.tick(0.2)
     assert tab.paper.count == 10
-    tab.play()
+    tab.play_or_pause()
     tab.tick(0.2)
     assert tab.paper.count == 10
     tab.controls_.at_once.clicks += 1
@@ -139,7 +139,7 @@ def test_a_replay_begins_with_bare_paper_and_ends_with_all(tab):
 
 
 def test_a_hidden_tab_is_sent_nothing(tab):
-    tab.play()
+    tab.play_or_pause()
     tab.deactivate()
     tab.tick(0.2)
     assert tab.paper.count == 500
