@@ -60,8 +60,8 @@ body { overflow: hidden; }
 
 HELP = """
 **Open** reads a survey log (SIO, WHOI), pings or a sound-speed profile as CSV, a T-file, an array table, a
-VELOCITY.DAT, crossover files, a table of timing offsets, a log of edited points or a session file; which it is, is
-seen from the file.
+VELOCITY.DAT, crossover files, a table of timing offsets, a log of edited points, a session file, a recording of sound
+(WAV, RF64, FLAC) or a stored receiver session; which it is, is seen from the file.
 
 Keys: **space** plays and pauses the replay, **Ctrl+S** saves the session, **Ctrl+Z** and **Ctrl+Shift+Z** undo
 and redo, **Ctrl+O** opens. Arrow keys nudge a number; double click on a slider's name puts its default back.
@@ -77,6 +77,7 @@ def extension() -> None:
     pn.extension(
         "tabulator",
         "filedropper",
+        "terminal",
         raw_css=[DENSE],
         notifications=True,
         reconnect=False,
@@ -165,7 +166,7 @@ class Workbench:
                 "ctrl+z": self.session.undo,
                 "ctrl+y": self.session.redo,
                 "ctrl+shift+z": self.session.redo,
-                "space": self.session.play,
+                "space": lambda: self.tabs[self._tabs.active].play(),
             },
             typing=("ctrl+s", "ctrl+o"),
         )
@@ -219,6 +220,9 @@ class Workbench:
         def ended(context) -> None:
             pn.state.cache.pop(key, None)
             self.session.jobs.cancel()
+            for tab in self.tabs:
+                tab.close()
+            self.session.close()
             _forget(document)
             pn.state.execute(gc.collect, schedule=True)
 
@@ -229,6 +233,8 @@ class Workbench:
 
     def _tick(self) -> None:
         try:
+            for tab in self.tabs:
+                tab.tick(TICK_MS / 1e3)
             self.session.tick(TICK_MS / 1e3)
         except Exception as error:
             self.session.param.update(playing=False)
@@ -363,7 +369,8 @@ class Workbench:
         words = pn.pane.Markdown(
             f"Drop files here or choose them; at most {UPLOAD_LIMIT_MB} MB each. They stay on this machine.\n\n"
             "Survey logs (SIO, WHOI), pings (`lat_deg, lon_deg, oneway_s`) or a profile (`depth_m, speed_mps`) as CSV, "
-            "T-files, array tables, VELOCITY.DAT, crossover files, OFFSETS.csv, logs of edited points, session files."
+            "T-files, array tables, VELOCITY.DAT, crossover files, OFFSETS.csv, logs of edited points, session files; "
+            "recordings (WAV, RF64, FLAC) and stored receiver sessions for the chart."
         )
         return pmui.Dialog(words, dropper, title="Open", width_option="sm", show_close_button=True)
 

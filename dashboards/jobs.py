@@ -10,8 +10,10 @@ from functools import partial
 
 log = logging.getLogger("workbench")
 
-# Kernels let go of Python's lock, so two threads are enough for all sessions of two cores.
+# Kernels let go of Python's lock, so two threads are enough for all sessions of two cores; what takes long has
+# two of its own, so that an answer never waits for it.
 POOL = ThreadPoolExecutor(max_workers=2, thread_name_prefix="work")
+LONG_POOL = ThreadPoolExecutor(max_workers=2, thread_name_prefix="long-work")
 
 
 class Cancelled(Exception):
@@ -63,14 +65,20 @@ class Jobs:
         for progress in self._running.values():
             progress.cancel()
 
-    def start(self, purpose: str, work: Callable[[Progress], object], done: Callable[[object], None]) -> None:
-        """Runs some work for a purpose; see the class."""
+    def start(
+        self,
+        purpose: str,
+        work: Callable[[Progress], object],
+        done: Callable[[object], None],
+        long: bool = False,
+    ) -> None:
+        """Runs some work for a purpose; see the class. What takes many seconds is `long`."""
         if self.document is None:
             self._in_line(purpose, work, done)
         elif purpose in self._running:
-            self._waiting[purpose] = (work, done)
+            self._waiting[purpose] = (work, done, long)
         else:
-            self._in_thread(self.document, purpose, work, done)
+            self._in_thread(self.document, purpose, work, done, long)
 
     def _in_line(self, purpose, work, done) -> None:
         self._running[purpose] = Progress(lambda share, text: self._on_state(purpose, share, text))
@@ -86,7 +94,7 @@ class Jobs:
             self._on_state("", 0.0, "")
         done(result)
 
-    def _in_thread(self, document, purpose, work, done) -> None:
+    def _in_thread(self, document, purpose, work, done, long) -> None:
         def tell(share: float, text: str) -> None:
             document.add_next_tick_callback(partial(show, share, text))
 
@@ -95,7 +103,7 @@ class Jobs:
                 self._on_state(purpose, share, text)
 
         progress = self._running[purpose] = Progress(tell)
-        future = POOL.submit(work, progress)
+        future = (LONG_POOL if long else POOL).submit(work, progress)
 
         def finish() -> None:
             self._running.pop(purpose, None)

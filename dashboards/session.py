@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import logging
-from dataclasses import fields, replace
+import os
+import tempfile
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +50,14 @@ SPEEDS = (1, 5, 20, 100, 1000)
 MODE_NAMES = {2: "ship", 7: "torpedo"}
 
 
+@dataclass(frozen=True)
+class SoundFile:
+    """A file too large to be held: its name for people, and where it lies."""
+
+    name: str
+    path: Path
+
+
 class Session(param.Parameterized):
     """State that tabs read, watch and write back; every value is one of trackerlib's frozen types."""
 
@@ -82,6 +92,13 @@ class Session(param.Parameterized):
         class_=tuple, default=(), doc="closest approaches read off the chart, for the map"
     )
 
+    # The chart
+    fold_s = param.Number(default=2.0, bounds=(0.01, 600), doc="interval at which the paper is folded [s]")
+    chart_marks = param.ClassSelector(class_=tuple, default=(), doc="(line, folded time) marked on a trace")
+    recording = param.ClassSelector(class_=SoundFile, allow_None=True, doc="sound opened for the chart")
+    hunt_file = param.ClassSelector(class_=SoundFile, allow_None=True, doc="stored session of a receiver")
+    pointed = param.ClassSelector(class_=tuple, allow_None=True, doc="(lat, lon) of the line pointed at")
+
     # Pings one at a time: of a replay, or as they come from a line
     live = param.Boolean(default=False, doc="the live estimator, not the batch")
     listening = param.String(default="", doc="where live pings come from, empty when from nowhere")
@@ -103,6 +120,7 @@ class Session(param.Parameterized):
         self.tfile_content = b""  # as it was opened, for corrected copies
         self._past: list[dict] = []
         self._future: list[dict] = []
+        self._folder: tempfile.TemporaryDirectory | None = None
         self._clock = 0.0  # seconds of survey time since its first ping
         self._queue, self._log = PingQueue(), PingLog()
         self._live_survey: LiveSurvey | None = None
@@ -163,6 +181,11 @@ class Session(param.Parameterized):
                 f"{name}: found {len(content) / 1e6:.0f} MB; wanted at most {UPLOAD_LIMIT_MB} MB "
                 "(larger files: python -m trackerlib reads them from disk)"
             )
+        kind = binary_kind(content)
+        if kind is not None:
+            self.param.update(**{kind: SoundFile(name, self._kept(name, content))})
+            self.say(f"{name}: open in the tab Wet-paper chart")
+            return
         openers = {
             "session": self._open_session,
             "survey": self._open_survey,
@@ -175,6 +198,24 @@ class Session(param.Parameterized):
             "edits": self._open_edits,
         }
         openers[kind_of(decode_lines(content[:HEAD_BYTES], name))](content, name)
+
+    def _kept(self, name: str, content: bytes) -> Path:
+        """The upload as a file in a folder that goes with the session."""
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(prefix="workbench-")
+        path = (
+            Path(self._folder.name) / f"{self.opened}-{len(os.listdir(self._folder.name))}{Path(name).suffix}"
+        )
+        try:
+            path.write_bytes(content)
+        except OSError as error:
+            raise InputError(f"{name}: cannot be kept while it is open ({error.strerror})") from None
+        return path
+
+    def close(self) -> None:
+        """Lets go of what the session keeps on disk."""
+        if self._folder is not None:
+            self._folder.cleanup()
 
     def open_beacon_demo(self) -> None:
         """Opens the simulated beacon survey that comes with the program."""
@@ -329,6 +370,14 @@ class Session(param.Parameterized):
             playing=False, truth=None, fix=None, reasons={}, bearing_lines=(), opened=self.opened + 1, **state
         )
 
+    def take_pings(self, pings: Pings, words: str, truth: dict | None = None) -> None:
+        """Begins a hunt with pings that another tab found."""
+        settings = replace(self.fix_settings, left_out=frozenset(), start=None)
+        lines = self.bearing_lines
+        self._begin_hunt(fix_settings=settings, pings=pings, heard=len(pings), listening="")
+        self.param.update(truth=truth, bearing_lines=lines)
+        self.say(words)
+
     # -- live pings ----------------------------------------------------------------------------
 
     def listen(self, source: str, simulated: bool = False) -> PingQueue:
@@ -482,6 +531,13 @@ class Session(param.Parameterized):
                 if [*one.pair, one.pass_number] == chosen:
                     self.crossover = one
         self.say(f"{name}: settings restored; the data files themselves are opened on their own")
+
+
+def binary_kind(content: bytes) -> str | None:
+    """The parameter that a sound or database is kept in, by its first bytes; None for anything else."""
+    if content[:4] in (b"RIFF", b"RF64", b"fLaC", b"FORM", b"OggS"):
+        return "recording"
+    return "hunt_file" if content.startswith(b"SQLite format 3") else None
 
 
 def same_set(one: CrossoverSet, other: CrossoverSet | None) -> bool:

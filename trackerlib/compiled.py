@@ -20,6 +20,8 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
+import llvmlite.binding
+
 
 def _cache_folder() -> Path | None:
     """Where numba may keep compiled kernels, or None to leave that to numba (beside the source).
@@ -54,6 +56,12 @@ if not os.environ.get("NUMBA_CACHE_DIR") and (_folder := _cache_folder()):
     os.environ["NUMBA_CACHE_DIR"] = str(_folder)
 
 import numba  # noqa: E402
+from numba.core import config  # noqa: E402
+
+# LLVM keeps to half the width of AVX-512, as the first of these processors slowed down at all of it.
+if config.CPU_FEATURES is None:  # type: ignore[attr-defined]
+    _features = llvmlite.binding.get_host_cpu_features().flatten()
+    config.CPU_FEATURES = f"{_features},-prefer-256-bit"  # type: ignore[attr-defined]
 
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 

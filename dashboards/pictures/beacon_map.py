@@ -7,13 +7,13 @@ from bokeh.core.properties import value
 from bokeh.models import ColorBar, ColumnDataSource, HoverTool, LinearColorMapper
 
 from dashboards.palette import DIVERGING, ESTIMATE, REJECTED, SECOND_ARRAY, SHIP, TRUTH
+from dashboards.pictures.bearing_layer import BearingLayer
 from dashboards.pictures.leg_layer import LegLayer
 from dashboards.pictures.legend import legend_entry, style_legend
 from dashboards.pictures.mercator import map_figure, mercator, show_box
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.uncertainty import Ellipse
-from trackerlib.frames import LocalFrame
 
 PING_COLUMNS = ("number", "x", "y", "residual_ms", "shade_ms", "used", "utc", "kind", "moves_m")
 MOST_DRAWN = 4000  # pings; of more, every second, third, ... is drawn
@@ -36,10 +36,7 @@ class BeaconMap:
         self.compared_rings = ColumnDataSource({"xs": [], "ys": []}, name="compared rings")
         self.truth = _points("truth")
         self.drift = _points("drift")
-        self.bearings = ColumnDataSource(
-            {name: [] for name in ("xs", "ys", "distance_m", "sigma_m")}, name="bearing lines"
-        )
-        self.approaches = _points("closest approaches")
+        self.pointed = _points("pointed")
         self.colour = LinearColorMapper(DIVERGING, low=-1, high=1, nan_color=REJECTED)
         self.map, self.home = map_figure("beacon map", tile_address)
         self.leg = LegLayer(self.map)
@@ -104,12 +101,12 @@ class BeaconMap:
 
     def _draw_reference(self) -> None:
         fig = self.map
-        self._bearings = [
-            fig.multi_line("xs", "ys", source=self.bearings, line_color=SECOND_ARRAY, line_dash="dashed"),
-            fig.scatter("x", "y", source=self.approaches, marker="cross", size=9, color=SECOND_ARRAY),
+        self.bearings = BearingLayer(fig)
+        self._pointed = [
+            fig.scatter(
+                "x", "y", source=self.pointed, size=16, fill_alpha=0, line_color=SECOND_ARRAY, line_width=2
+            )
         ]
-        tips = [("closest approach", "@distance_m{0} ± @sigma_m{0} m")]
-        fig.add_tools(HoverTool(renderers=self._bearings[:1], tooltips=tips))
         self._truth = [fig.scatter("x", "y", source=self.truth, marker="diamond", size=14, color=TRUTH)]
 
     def _add_legend(self) -> None:
@@ -124,15 +121,15 @@ class BeaconMap:
         self._compared_entry = legend_entry(
             fig, "other estimators", self._compared, size=9, fill_alpha=0, line_color=ESTIMATE
         )
-        self._bearings_entry = legend_entry(
-            fig, "closest approach, bearing line", self._bearings,
-            line=True, line_color=SECOND_ARRAY, line_dash="dashed",
-        )  # fmt: skip
+        self.bearings.add_legend()
+        self._pointed_entry = legend_entry(
+            fig, "line pointed at in the chart", self._pointed, size=12, fill_alpha=0, line_color=SECOND_ARRAY
+        )
         self.leg.add_legend()
         self._truth_entry = legend_entry(
             fig, "truth (simulated)", self._truth, marker="diamond", size=14, color=TRUTH
         )
-        for entry in (self._others_entry, self._trail_entry, self._compared_entry, self._bearings_entry):
+        for entry in (self._others_entry, self._trail_entry, self._compared_entry, self._pointed_entry):
             entry.visible = False
         style_legend(fig)
         bar = ColorBar(
@@ -251,27 +248,16 @@ class BeaconMap:
         self.widen(list(x), list(y))
 
     def show_bearings(self, lines: tuple) -> None:
-        """Bearing lines read off the chart: both ways from each closest approach, as far as its distance.
+        """Bearing lines read off the chart, and the place where they meet."""
+        self.bearings.show(lines)
+        if lines:
+            self.widen(*self.bearings.points())
 
-        lines : each with lat_deg, lon_deg, bearing_deg, distance_m, sigma_m
-        """
-        self._bearings_entry.visible = bool(lines)
-        xs, ys = [], []
-        for line in lines:
-            reach = np.array([-1.0, 0.0, 1.0])[:, None] * line.distance_m
-            bearing = np.radians(line.bearing_deg)
-            ends = reach * np.array([[np.sin(bearing), np.cos(bearing), 0.0]])
-            lat, lon, _ = LocalFrame(line.lat_deg, line.lon_deg).to_geodetic(ends)
-            x, y = mercator(lat, lon)
-            xs.append(x)
-            ys.append(y)
-        self.bearings.data = {
-            "xs": xs,
-            "ys": ys,
-            "distance_m": [line.distance_m for line in lines],
-            "sigma_m": [line.sigma_m for line in lines],
-        }
-        self.approaches.data = {"x": [x[1] for x in xs], "y": [y[1] for y in ys]}
+    def show_pointed(self, place: tuple[float, float] | None) -> None:
+        """Where the ship was at the line of the chart that is pointed at."""
+        self._pointed_entry.visible = place is not None
+        x, y = mercator(*place) if place is not None else ([], [])
+        self.pointed.data = {"x": np.atleast_1d(x), "y": np.atleast_1d(y)}
 
     def show_trail(self, fixes: list[BeaconFix]) -> None:
         """Where the fixes of a history stood."""

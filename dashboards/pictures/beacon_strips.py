@@ -53,7 +53,7 @@ class DepthHistory:
 
     def __init__(self):
         self.source = ColumnDataSource({name: [] for name in HISTORY_COLUMNS}, name="history")
-        self.figure = fig = strip("history", "xpan,xwheel_zoom", "ping", "depth (m), 95 % band")
+        self.figure = fig = strip("history", "xpan,xwheel_zoom", "ping", "depth (m), 95 %")
         fig.y_range.flipped = True
         fig.varea("number", "low", "high", source=self.source, fill_color=ESTIMATE, fill_alpha=0.2)
         line = fig.line("number", "depth", source=self.source, line_color=ESTIMATE, line_width=2)
@@ -92,6 +92,7 @@ class Contours:
 
     def __init__(self):
         self.figure = fig = strip("contours", "pan,wheel_zoom", "", "", match_aspect=True)
+        fig.xaxis.ticker.desired_num_ticks = 4
         blank = np.zeros((2, 2))
         self.drawn = fig.contour([0, 1], [0, 1], blank, list(LEVELS), line_color=ESTIMATE, line_alpha=0.8)
         self.centre = ColumnDataSource({"x": [], "y": []})

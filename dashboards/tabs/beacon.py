@@ -25,7 +25,7 @@ from trackerlib.beacon.planning import error_budget
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.commands.fix_document import document
 
-HISTORY_FIXES = 60  # fixes that "Fix history" spreads over the survey
+HISTORY_FIXES = 40  # fixes that "Fix history" spreads over the survey
 BESIDE = ("History", "Contours", "Iterations", "Estimators")  # what may stand beside the residuals
 
 
@@ -35,7 +35,7 @@ class BeaconTab(Tab):
     title = "Beacon fix"
     watches = (
         "opened", "pings", "fix", "fix_settings", "live", "truth", "heard", "playing", "reasons", "bearing_lines",
-        "listening",
+        "listening", "pointed",
     )  # fmt: skip
 
     def __init__(self, session=None, **params):
@@ -96,12 +96,12 @@ class BeaconTab(Tab):
         for widget in (self.across, self.up):
             widget.param.watch(lambda event: self._show_beside(), "value")
         self._panes = {
-            "History": _fill(self.history.figure),
+            "History": pn.Column(_fill(self.history.figure), sizing_mode="stretch_both", margin=0),
             "Contours": pn.Row(
                 _fill(self.contours.figure), pn.Column(self.across, self.up, width=130, margin=0),
                 sizing_mode="stretch_both", margin=0,
             ),
-            "Iterations": _fill(self.iterations.figure),
+            "Iterations": pn.Column(_fill(self.iterations.figure), sizing_mode="stretch_both", margin=0),
             "Estimators": self.models.panel(),
         }  # fmt: skip
         for name, pane in self._panes.items():
@@ -175,7 +175,10 @@ class BeaconTab(Tab):
     def refresh(self, changed):
         session = self.session
         self._show_controls()
-        self.map.show_bearings(session.bearing_lines)
+        if "bearing_lines" in changed:
+            self.map.show_bearings(session.bearing_lines)
+        if "pointed" in changed:
+            self.map.show_pointed(session.pointed)
         if session.opened != self._shown_survey or "truth" in changed:
             self._begin_survey()
         if session.pings is None:
@@ -258,10 +261,8 @@ class BeaconTab(Tab):
     def _show_beside(self) -> None:
         """What was chosen to stand beside the residuals."""
         chosen, fix = self.beside.value, self.session.fix
-        for (
-            name,
-            pane,
-        ) in self._panes.items():  # hidden, not taken out: what is drawn meanwhile must find its figure
+        # Hidden, not taken out: what is drawn meanwhile must find its figure.
+        for name, pane in self._panes.items():
             pane.visible = name == chosen
         if fix is None or self._quiet:
             return
@@ -319,7 +320,7 @@ class BeaconTab(Tab):
                 self.history.show(fixes)
                 self.map.show_trail(fixes)
 
-        session.jobs.start("Fix history", work, done)
+        session.jobs.start("Fix history", work, done, long=True)
 
     def export(self):
         fix = self.session.fix

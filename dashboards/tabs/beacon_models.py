@@ -68,6 +68,7 @@ class SideBySide:
                 "Compare motions",
                 lambda progress: compare_models(heard, usual_models(settings)),
                 show_motions,
+                long=True,
             )
 
         def show_motions(scores) -> None:

@@ -20,6 +20,7 @@ from trackerlib.textfiles import InputError
 
 SWEEP_NAMES = dict(zip(("number of experiments", "spacing of receptions"), SWEEPS, strict=True))
 OWN = 0  # a beacon of the analyst's own, among the numbers of scenarios
+SHORT = {"all-pings": "all", "thesis": "thesis", "usual": "usual"}  # for a narrow column
 MOST = 1000  # experiments or spacing
 FIRST_TRIALS = 100  # of the study that the tab opens with
 
@@ -195,7 +196,7 @@ class MonteCarloTab(Tab):
             return rows
 
         self.words.object = "Simulating…"
-        self.session.jobs.start("Monte Carlo", work, lambda rows: self._show(rows, asked))
+        self.session.jobs.start("Monte Carlo", work, lambda rows: self._show(rows, asked), long=True)
 
     def _show(self, rows: list[dict], asked: Asked) -> None:
         self.rows, self.ran = rows, asked
@@ -275,7 +276,7 @@ def table(rows: list[dict], sweep: str, component: str) -> pd.DataFrame:
     """One row a point: error, efficiency and coverage."""
     return pd.DataFrame(
         {
-            "estimator": [METHOD_NAMES[row["method"]] for row in rows],
+            "way": [SHORT[row["method"]] for row in rows],
             "n" if sweep == "experiments" else "K": [row[sweep] for row in rows],
             "error": [f"{row[f'rmse.{component}']:.3g}" for row in rows],
             "/bound": [f"{row[f'rmse.{component}'] / row[f'crlb.{component}']:.2f}" for row in rows],

@@ -13,6 +13,8 @@ A tab is a subclass of `Tab`:
         def answer(self): ...     # the sentence, the numbers, tables
         def refresh(self, changed): ...   # redraw what depends on the session's `changed` names
         def export(self): ...     # (file name, text) for the Export menu
+        def tick(self, seconds): ...      # what goes on by itself, in sight or not
+        def close(self): ...      # the page is gone: threads and ports end
 
 `refresh` is called only while the tab is in sight: a hidden tab is marked stale and refreshed when
 it is shown. An exception there or in a widget's callback is shown in words by the page; raise
@@ -102,6 +104,16 @@ class Tab(Viewer):
         """A file for the Export menu, or None while there is nothing to export."""
         return None
 
+    def play(self) -> None:
+        """What the space bar does."""
+        self.session.play()
+
+    def tick(self, seconds: float) -> None:
+        """Goes on by some seconds of real time, in sight or not."""
+
+    def close(self) -> None:
+        """Ends what the tab has running; its page is gone."""
+
     # -- in sight or not -----------------------------------------------------------------------
 
     def activate(self) -> None:
@@ -158,6 +170,11 @@ class Tab(Viewer):
         if not self.active:
             self.activate()
         return self._layout
+
+
+def drawn(figure, **options):
+    """A figure that fills its place."""
+    return pn.pane.Bokeh(figure, **({"sizing_mode": "stretch_both", "margin": 0} | options))
 
 
 def number(label: str, value, tip: str, **options):

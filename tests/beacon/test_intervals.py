@@ -9,9 +9,9 @@ import pytest
 from scipy import stats
 from surveys import BOX, FRAME, survey
 
-from trackerlib.beacon.diagnosis import COORDINATES
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.intervals import (
+    PLACE,
     bootstrap_intervals,
     bootstrap_positions,
     interval_words,
@@ -43,8 +43,8 @@ def test_coverage_is_honest_on_either_side_of_a_bent_valley():
         fix = fix_beacon(pings, KNOWN)
         intervals = profile_intervals(pings, fix, KNOWN)
         truth = fix.frame.to_local(*(float(value) for value in FRAME.to_geodetic(BEACON))) * [1, 1, -1]
-        below += [truth[k] < intervals[name].low_m for k, name in enumerate(COORDINATES)]
-        above += [truth[k] > intervals[name].high_m for k, name in enumerate(COORDINATES)]
+        below += [truth[k] < intervals[name].low_m for k, name in enumerate(PLACE)]
+        above += [truth[k] > intervals[name].high_m for k, name in enumerate(PLACE)]
         miss = (truth[2] - fix.depth_m) / fix.sigma[2]
         ellipse += [miss < -1.96, miss > 1.96]
         warned += interval_words(fix, intervals) is not None
@@ -60,7 +60,7 @@ def test_where_the_valley_is_a_parabola_they_are_the_ellipse():
     fix = fix_beacon(pings, PLAIN)
     for find in (profile_intervals, bootstrap_intervals):
         intervals = find(pings, fix, PLAIN)
-        for k, name in enumerate(COORDINATES):
+        for k, name in enumerate(PLACE):
             half = (intervals[name].high_m - intervals[name].low_m) / 2
             assert half == pytest.approx(1.96 * fix.sigma[k], rel=0.15)
     assert interval_words(fix, profile_intervals(pings, fix, PLAIN)) is None

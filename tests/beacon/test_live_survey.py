@@ -49,6 +49,21 @@ def test_the_answer_is_the_batch_s_however_the_pings_come(pings):
         assert np.nanmedian(np.abs(fix.residual_s - whole.residual_s)) < 0.3 * whole.uncertainty.rms_s
 
 
+def test_where_the_ship_s_error_is_not_known_it_is_as_wide_as_the_batch(pings):
+    settings = FixSettings()
+    whole, fix = fix_beacon(pings, settings), in_steps(pings, settings, (len(pings),))
+    assert fix.sigma == pytest.approx(whole.sigma, rel=0.15)
+    assert fix.sigma[2] > 2 * in_steps(pings, replace(settings, gps_rms_m=2.0), (len(pings),)).sigma[2]
+    assert (np.abs(fix.position - whole.position) < 0.3 * whole.sigma).all()
+
+
+def test_a_moving_beacon_is_no_surer_than_in_the_batch(pings):
+    settings = FixSettings(motion="free")
+    whole, fix = fix_beacon(pings, settings), in_steps(pings, settings, (len(pings),))
+    assert (fix.sigma > 0.85 * whole.sigma).all()
+    assert (np.abs(fix.position - whole.position) < fix.sigma).all()
+
+
 def test_a_ping_left_out_or_without_a_time_has_a_row_and_no_say(pings):
     wrong = pings.travel_time_s.copy()
     wrong[[4, 50]] += 0.3

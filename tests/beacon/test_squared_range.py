@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from trackerlib.beacon.neighbours import smooth_track
 from trackerlib.beacon.squared_range import fix_squared_range
 from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS, run_point, sail_hexagon
 
@@ -169,6 +170,30 @@ def test_an_ellipsoid_of_a_bent_valley_still_holds_the_truth():
     assert 0.925 < study.coverage < 0.98  # four standard errors about 0.955
 
 
-def test_noise_that_rules_the_geometry_is_refused():
-    study = run_point(4, 25, 45, 25.0, trials=100, seed=5, method="all-pings", speed_mps=1.0)
-    assert study.converged.mean() < 0.05
+@pytest.mark.parametrize("scenario", [4, 5, 6])
+def test_noise_that_rules_the_geometry_is_refused_whatever_the_draw(scenario):
+    """The bound is 70 to 500 m: a fix now and then that claims less would be one that is lucky in its claim only."""
+    study = run_point(scenario, 25, 45, 25.0, trials=100, seed=5, method="all-pings", speed_mps=1.0)
+    assert not study.converged.any()
+    assert sum(study.refused_why.values()) == 100
+
+
+@pytest.mark.parametrize("gps_rms_m", [3.0, 25.0])
+def test_the_ship_s_place_is_told_by_its_leg_and_not_by_the_ping_itself(gps_rms_m):
+    """On a leg of a hundred pings it is known to a fifth of one position's error, at corners to about two."""
+    points = sail_hexagon(SCENARIOS[1], 1126)
+    rng = np.random.default_rng(2)
+    noise = np.full(3, gps_rms_m**2)
+    errors, own = [], []
+    for _ in range(40):
+        error = rng.normal(0, gps_rms_m, (len(points.ship), 2))
+        ship = points.ship + np.column_stack([error, np.zeros(len(error))])
+        smooth, shared = smooth_track(ship, points.emitted_s, noise, 200, 0.0)
+        errors.append(smooth - points.ship[:, :2])
+        own.append(error)
+        assert not shared.any()
+    size = np.sqrt(np.mean(np.square(errors), axis=(0, 2))) / gps_rms_m
+    assert np.median(size) < 0.2
+    assert np.quantile(size, 0.97) < 2
+    along = np.mean(np.multiply(errors, own)) / gps_rms_m**2
+    assert abs(along) < 4 * np.sqrt(np.mean(size**2)) / np.sqrt(np.size(own))

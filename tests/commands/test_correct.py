@@ -136,3 +136,20 @@ def test_the_original_is_never_the_target(call, data, tmp_path):
     assert (code, "the T-file itself" in err) == (2, True)
     code, _, err = call("--drift-ms-per-count", 1)
     assert (code, "needs --t0" in err) == (2, True)
+
+
+def test_the_whole_track_is_written_too(tmp_path, data, capsys):
+    folder = data / "range-demo"
+    call = [
+        "correct", str(folder / "tfile.dat"), "--arrays", str(folder / "arrays.csv"), "--profile",
+        str(folder / "VELOCITY.DAT"), "--offset-ms", "2.85", "--out", str(tmp_path / "copy.dat"), "--track",
+        str(tmp_path / "track.csv"), "--json",
+    ]  # fmt: skip
+    assert main(call) == 2
+    assert "--track needs --mode" in capsys.readouterr().err
+    assert main([*call, "--mode", "7"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    lines = (tmp_path / "track.csv").read_text().splitlines()
+    assert lines[0] == "# SIMULATED DATA"
+    assert len(lines) == answer["track_points"] + 3
+    assert answer["mean_jump_after_ft"] < 0.5 * answer["mean_jump_before_ft"]

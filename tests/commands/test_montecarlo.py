@@ -37,7 +37,18 @@ def test_trials_of_which_none_converges_are_a_result(capsys):
     answer = json.loads(capsys.readouterr().out)
     assert answer["converged"] == 0
     assert answer["rmse"]["x"] is None
+    assert answer["refused_why"] == [{"why": "fewer pings than the unknowns need", "count": 20}]
     assert main(few) == 0
+    assert "20 refused: fewer pings" in capsys.readouterr().out
+
+
+def test_noise_that_rules_the_geometry_is_refused_with_its_reason(capsys):
+    slow = [*CALL, "--speed-mps", "1"]
+    slow[slow.index("3")] = "25"
+    assert main([*slow, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert [one["count"] for one in answer["refused_why"]] == [20]
+    assert "15 % of its depth" in answer["refused_why"][0]["why"]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import threading
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from dashboards.tabs.beacon_edits import OTHER
 from dashboards.tabs.beacon_words import position_texts, sentence, table
 from trackerlib.beacon.choice import usual_estimators, usual_models
 from trackerlib.beacon.pings import Ping
+from trackerlib.receiver.hyperbola import BearingLine
 
 
 @pytest.fixture
@@ -359,15 +359,19 @@ def test_the_iterations_are_drawn_and_listed(tab):
 
 
 def test_bearing_lines_of_the_chart_lie_across_the_closest_approach(tab):
-    line = SimpleNamespace(lat_deg=41.25, lon_deg=-66.5, bearing_deg=90.0, distance_m=800.0, sigma_m=20.0)
+    line = BearingLine(41.25, -66.5, 90.0, 10.0, 0.5, distance_m=800.0, sigma_m=20.0)
     tab.session.bearing_lines = (line,)
-    (xs,), (ys,) = tab.map.bearings.data["xs"], tab.map.bearings.data["ys"]
+    (xs,), (ys,) = tab.map.bearings.lines.data["xs"], tab.map.bearings.lines.data["ys"]
     stretch = 1 / np.cos(np.radians(41.25))
-    assert xs[2] - xs[0] == pytest.approx(1600 * stretch, rel=0.01)
+    assert abs(xs[2] - xs[0]) == pytest.approx(1600 * stretch, rel=0.01)
     assert np.ptp(ys) < 1
-    assert tab.map._bearings_entry.visible
+    assert tab.map.bearings._entry.visible
+    crossing = BearingLine(41.26, -66.49, 180.0, 10.0, 0.5)
+    tab.session.bearing_lines = (line, crossing)
+    assert tab.map.bearings.fix.converged
+    assert len(tab.map.bearings.ellipse.data["x"]) > 10
     tab.session.bearing_lines = ()
-    assert not tab.map._bearings_entry.visible
+    assert not tab.map.bearings._entry.visible
 
 
 def test_a_click_in_the_legend_hides_its_layer(tab):
@@ -397,6 +401,8 @@ def test_the_live_estimator_replays_beside_the_batch(tab):
     assert session.live
     assert np.abs(session.fix.position - batch.position).max() < 0.3 * batch.sigma.max()
     assert len(session.fix.number) == len(session.pings)
+    assert not session.failed
+    assert np.isfinite(tab.map.pings.data["moves_m"][session.fix.used]).all()
     session.speed = 1000
     session.play()
     said = set()
@@ -445,6 +451,7 @@ def test_pings_come_live_from_a_thread(tab):
     queue.push(Ping(9999, 41.0, -66.0, 1.0, 1e6))
     session.tick(0.2)
     assert session.heard == len(pings)
+    assert not session.failed
 
 
 def test_each_ping_says_how_far_it_moves_the_fix(tab):

@@ -65,16 +65,16 @@ def test_the_bound_of_what_cannot_be_seen_is_infinite():
 @pytest.mark.parametrize("gps_rms_m", [3.0, 25.0])
 @pytest.mark.parametrize("scenario", [1, 2, 3, 4, 5, 6])
 def test_the_bound_is_reached_and_the_stated_ellipsoid_is_true(scenario, gps_rms_m):
-    """1000 trials: a ratio is known to 0.022, a coverage of 0.95 to 0.007; three of each are allowed.
+    """1000 trials: a ratio is known to 0.022, a coverage of 0.95 to 0.007, a mean to 0.032; three of each are allowed.
 
-    What bias the geometry's own curvature leaves is largest in scenario 6 at 25 m: a fifth of the error.
+    Over 10,000 trials the ratios are 0.99 to 1.03, the coverage 0.947 to 0.954 and the bias below 0.04 of the error.
     """
     trials = run_trials(sail_hexagon(SCENARIOS[scenario], 25 * 45 + 1), gps_rms_m, 1000, seed=11)
     assert trials.converged.all()
-    assert (trials.rmse / trials.bound < 1.05 + 3 * 0.022).all()
+    assert (trials.rmse / trials.bound < 1.03 + 3 * 0.022).all()
     assert (trials.rmse / trials.bound > 1 - 3 * 0.022).all()
-    assert trials.coverage == pytest.approx(0.95, abs=0.01 + 3 * 0.007)
-    assert (np.abs(trials.bias) < 0.25 * trials.rmse).all()
+    assert trials.coverage == pytest.approx(0.95, abs=0.005 + 3 * 0.007)
+    assert (np.abs(trials.bias) < (0.04 + 3 * 0.032) * trials.rmse).all()
 
 
 def test_the_same_seed_gives_the_same_trials_and_another_gives_others():

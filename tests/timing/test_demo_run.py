@@ -14,7 +14,7 @@ from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.timing.correction import fit_timing
-from trackerlib.timing.one_run import judge_run
+from trackerlib.timing.one_run import judge_run, offsets_agree
 
 WRONG_ARRAY = 5  # surveyed in the wrong place on purpose
 
@@ -112,6 +112,27 @@ def test_an_array_that_the_table_lacks_is_named(sets, data, capsys, tmp_path):
     bare.write_text("\n".join(sets[0].read_text().splitlines()[1:]) + "\n")
     assert main(timing(data, "--set", bare, 98, 99)) == 2
     assert "98" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("mode", [7, 2])
+def test_one_offset_serves_a_vehicle_unless_the_wrong_array_takes_part(data, mode):
+    folder = data / "range-demo"
+    survey = read_arrays(folder / "arrays.csv").survey
+    profile = read_velocity(folder / "VELOCITY.DAT").profile
+    sets = gate_reports(read_tfile(folder / "tfile.dat").reports, survey, mode).sets
+    fits = [(one.pair, fit_timing(one, survey, profile)) for one in sets]
+    sure = [(pair, fit) for pair, fit in fits if fit.sigma_offset_s is not None]
+
+    def judged(chosen):
+        columns = np.array([(fit.offset_s, fit.sigma_offset_s, fit.t0) for _, fit in chosen]).T
+        # Vehicle 7's clock does not drift; vehicle 2's does, by 0.0002 ms a count.
+        return offsets_agree(*columns, drift=mode == 2)
+
+    good = judged([one for one in sure if WRONG_ARRAY not in one[0]])
+    low, high = stats.chi2.ppf([0.025, 0.975], good.dof)
+    assert good.dof > 30
+    assert low < good.distance < high
+    assert judged(sure).p_value < 1e-6
 
 
 def test_without_the_wrong_array_one_offset_serves_and_with_it_none_does(data):

@@ -4,28 +4,32 @@ The squared range is quadratic in the unknowns, so how the score changes away fr
 last term: own d + B(d, d), with B from three weighted sums. In standard errors of the score that is eta + M g, where
 g holds the three (for a still beacon one) quadratic forms eta' G eta. The noise that the score can have is mapped
 through that equation, which is one in g alone, and the covariance is that of the places it leads to, widened until
-its 95 % ellipsoid holds 95 % of them. Where some noise leads nowhere, or where the matrix of the score and its
-covariance differ so much that noise and not geometry made the solution, the ellipsoid means nothing.
+its 95 % ellipsoid holds 95 % of them. Where some noise leads nowhere the ellipsoid means nothing.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import chi2
 
 from trackerlib.beacon.small_systems import product, root_of, scaled_solve, whiten
 from trackerlib.compiled import compiled
 
-STRAIGHT = 0.1  # root-mean-square second-order part of the score, in standard errors, that bends nothing
+CURVED_FROM = (
+    0.5  # root-mean-square second-order part of the score, in standard errors, that shows in an ellipsoid
+)
 MOST_WIDENED = 2.5  # times an ellipsoid may be widened before it says nothing
-MOST_APART = 0.3  # of the score's matrix from its covariance, which are equal where noise does not rule
 MOST_LOST = 0.01  # share of the noise that may lead nowhere
 NEWTON_STEPS = 30
-_DRAWS = 256
+_DRAWS = 1024
 
 
 def _balanced_draws(unknowns: int) -> np.ndarray:
-    """Standard normal draws (2 x _DRAWS, unknowns) whose mean is zero and covariance the identity, exactly."""
-    half = np.random.default_rng(7).standard_normal((_DRAWS, unknowns))
+    """Standard normal draws (2 x _DRAWS, unknowns): mean zero, covariance the identity, sizes spread evenly."""
+    rng = np.random.default_rng(7)
+    half = rng.standard_normal((_DRAWS, unknowns))
+    size = np.sqrt(chi2.ppf((rng.permutation(_DRAWS) + 0.5) / _DRAWS, unknowns))
+    half *= (size / np.linalg.norm(half, axis=1))[:, None]
     draws = np.concatenate([half, -half])
     root = np.linalg.cholesky(np.cov(draws.T, bias=True))
     return np.ascontiguousarray(np.linalg.solve(root, draws.T).T)
@@ -154,47 +158,40 @@ def _places_reached(forms, mixing, along, draws, reached):
 
 
 @compiled
-def follow_the_bend(own, expected, spread, moments, draws, covariance):
-    """Fills `covariance` (P, P), also where the solutions lie on a bent curve; whether it can be stated at all.
+def follow_the_bend(own, spread, moments, draws, covariance):
+    """Fills `covariance` (P, P), also where the solutions lie on a bent curve; the bend, infinite if none is true.
 
-    own : (P, P) the score's matrix; expected : what it would be without noise
-    spread : (P, P) the score's covariance, `expected` itself where errors are independent
+    own, spread : (P, P) the score's matrix and its covariance
     moments : (P, 3) sums of weight times instrument times 1, t and t squared
     draws : (M, P) of `DRAWS`
     """
     unknowns = len(own)
     root = np.empty((unknowns, unknowns))
-    if not root_of(expected, root):
-        return False
-    apart = own - expected
-    whiten(root, apart)
-    apart = apart.T.copy()
-    whiten(root, apart)
-    if np.sum(apart**2) > MOST_APART**2 or not root_of(spread, root):
-        return False
+    if not root_of(spread, root):
+        return np.inf
     along, fine = scaled_solve(own, root)
     if not fine:
-        return False
+        return np.inf
     mixing = moments.copy()
     whiten(root, mixing)
     forms = quadratic_forms(along)
     mixing = mixing[:, : len(forms)].copy()
     _, bend = second_order(forms, mixing)
     covariance[:] = product(along, along.T)
-    if bend < STRAIGHT:
-        return True
+    if bend < CURVED_FROM:
+        return bend
     reached = np.empty(draws.shape)
     lost = _places_reached(forms, mixing, along, draws, reached)
     if lost > MOST_LOST * len(draws):
-        return False
+        return np.inf
     reached = reached[: len(draws) - lost]
     bent = product(reached.T, reached) / len(reached)
     seen = np.array([0, 1, 2, 4, 5, 6] if unknowns > 4 else [0, 1, 2])
     widened = _quantile(reached, bent, seen) / _quantile(draws, np.eye(unknowns), seen)
     if not widened < MOST_WIDENED:
-        return False
+        return np.inf
     covariance[:] = bent * max(widened, 1.0)
-    return True
+    return bend
 
 
 @compiled

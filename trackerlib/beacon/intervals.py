@@ -19,6 +19,7 @@ from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
 
+PLACE = COORDINATES[:3]  # east, north, depth
 STEP = 0.25  # of the interval's quadratic half-width, by which a profile is followed
 FARTHEST = 12.0  # such half-widths after which an interval counts as open
 NOTED = 0.2  # share by which an interval must differ from the ellipse's for a warning
@@ -36,14 +37,14 @@ class Interval:
 def profile_likelihood(
     pings: Pings, fix: BeaconFix, settings: FixSettings, component: str = "depth"
 ) -> Interval:
-    """95 % interval of one of COORDINATES of the position, all other unknowns following.
+    """95 % interval of one of PLACE of the position, all other unknowns following.
 
     The bounds are where the misfit has risen as far as the ellipse says it would at its own edge, which counts in
     the noise of the residuals, their correlation and how few they are. A survey of many pings is thinned.
     Raises ValueError for a fix without a place or an uncertainty, and for another component.
     """
-    if component not in COORDINATES:
-        raise ValueError(f"component is {component!r}; wanted one of {', '.join(COORDINATES)}")
+    if component not in PLACE:
+        raise ValueError(f"component is {component!r}; wanted one of {', '.join(PLACE)}")
     problem, state, motion = _ground(pings, fix, settings)
     chosen = np.unique(
         np.linspace(0, len(problem.time) - 1, min(len(problem.time), SEARCH_PINGS)).astype(int)
@@ -51,14 +52,14 @@ def profile_likelihood(
     problem = problem.only(chosen)
     # Along the free directions: what the coordinate is of a state, and what leaves it alone.
     axes = problem.axes
-    toward = axes @ motion.at(0.0)[COORDINATES.index(component)]
+    toward = axes @ motion.at(0.0)[PLACE.index(component)]
     others = linalg.null_space(toward[None]).T @ axes
     weight = np.repeat(_weight(problem, state), 2, axis=0)
     state = descend(problem, state[None], weight[:1], steps=20, axes=axes)[0][0]
     misfit = problem.eliminate(state[None], weight[:1])
     cross = linalg.pinvh(misfit.normal_matrix(axes)[0]) @ toward
     at = toward @ cross
-    k = COORDINATES.index(component)
+    k = PLACE.index(component)
     half = 1.96 * np.sqrt(fix.uncertainty.residual_covariance[k, k])
     # The rise of the misfit that stands for a bound: where a parabola would have risen to at the ellipse's edge.
     wanted = half**2 / at
@@ -130,22 +131,22 @@ def bootstrap_positions(
 def bootstrap_intervals(
     pings: Pings, fix: BeaconFix, settings: FixSettings, samples: int = 400, seed: int = 0
 ) -> dict[str, Interval]:
-    """95 % intervals of all COORDINATES by `bootstrap_positions`; raises what it raises."""
+    """95 % intervals of all PLACE by `bootstrap_positions`; raises what it raises."""
     moved = bootstrap_positions(pings, fix, settings, samples, seed) - fix.position
     moved[:, 2] *= -1
     low, high = np.quantile(moved, [0.025, 0.975], axis=0)
-    return {name: _interval(fix, name, -low[k], high[k]) for k, name in enumerate(COORDINATES)}
+    return {name: _interval(fix, name, -low[k], high[k]) for k, name in enumerate(PLACE)}
 
 
 def profile_intervals(pings: Pings, fix: BeaconFix, settings: FixSettings) -> dict[str, Interval]:
-    """95 % intervals of all COORDINATES by `profile_likelihood`; raises what it raises."""
-    return {name: profile_likelihood(pings, fix, settings, name) for name in COORDINATES}
+    """95 % intervals of all PLACE by `profile_likelihood`; raises what it raises."""
+    return {name: profile_likelihood(pings, fix, settings, name) for name in PLACE}
 
 
 def interval_words(fix: BeaconFix, intervals: dict[str, Interval]) -> str | None:
     """A sentence on the coordinate whose interval differs most from the ellipse's; None if none does by NOTED."""
     worst, most = None, NOTED
-    for k, name in enumerate(COORDINATES):
+    for k, name in enumerate(PLACE):
         interval, centre = intervals[name], _value(fix, name)
         half = 1.96 * fix.sigma[k]
         differs = max(abs((centre - interval.low_m) / half - 1), abs((interval.high_m - centre) / half - 1))
@@ -157,7 +158,7 @@ def interval_words(fix: BeaconFix, intervals: dict[str, Interval]) -> str | None
     for bound, word in ((interval.low_m, "below"), (interval.high_m, "above")):
         far = abs(bound - _value(fix, worst))
         sides.append(f"{far:.3g} m {word}" if np.isfinite(far) else f"open {word}")
-    half = 1.96 * fix.sigma[COORDINATES.index(worst)]
+    half = 1.96 * fix.sigma[PLACE.index(worst)]
     return (
         f"the misfit is not a parabola: the 95 % interval of {worst} is {' and '.join(sides)}, where the ellipse says "
         f"{half:.3g} m either side; believe the interval"
@@ -179,13 +180,13 @@ def _weight(problem: Problem, state: np.ndarray) -> np.ndarray:
 
 
 def _value(fix: BeaconFix, component: str) -> float:
-    k = COORDINATES.index(component)
+    k = PLACE.index(component)
     return float(fix.depth_m if component == "depth" else fix.position[k])
 
 
 def _interval(fix: BeaconFix, component: str, down: float, up: float) -> Interval:
     """The interval that reaches `down` and `up` [m] from the fix by its residuals, widened by what they do not tell."""
-    k, uncertainty = COORDINATES.index(component), fix.uncertainty
+    k, uncertainty = PLACE.index(component), fix.uncertainty
     beyond = 1.96**2 * max(uncertainty.covariance[k, k] - uncertainty.residual_covariance[k, k], 0.0)
     sides = np.hypot([down, up], np.sqrt(beyond))
     return Interval(_value(fix, component) - float(sides[0]), _value(fix, component) + float(sides[1]))

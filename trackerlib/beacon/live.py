@@ -24,12 +24,12 @@ from trackerlib.beacon.paths import paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
-from trackerlib.beacon.squared_range import NEIGHBOURS
 from trackerlib.beacon.uncertainty import Uncertainty
 from trackerlib.compiled import compiled, warms
 from trackerlib.frames import LocalFrame
 from trackerlib.residuals import correlation_from
 
+NEIGHBOURS = 10  # pings on either side whose straight line stands for the ship's place
 KEPT = 1 << 17  # pings kept, three and a half hours at ten a second; older ones live on in the sums
 FIRST_COUNT, GROWTH = 8, 1.5  # when a first fix is tried
 FARTHEST = 0.2  # of the slant range: how far one ping may move a fix
@@ -54,13 +54,9 @@ class LiveFix:
             raise ValueError("a live fix is for every ping and a motion still or free")
         if settings.emission_known or settings.interval_s is not None:
             raise ValueError("a live fix is for an unknown emission time and times that are not folded")
-        if (
-            settings.estimate_sound_speed
-            or settings.gps_correlation_s is not None
-            or any(settings.antenna_sigma_m)
-        ):
+        if settings.estimate_sound_speed or settings.gps_correlation_s or any(settings.antenna_sigma_m):
             raise ValueError(
-                "a live fix is for a known speed of sound and ship errors independent from ping to ping"
+                "a live fix estimates no speed of sound and knows white errors of the ship alone"
             )
         self.frame, self.settings = frame, settings
         self.count = 0

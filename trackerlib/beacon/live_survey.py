@@ -10,10 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from trackerlib.beacon.diagnosis import problem_at
 from trackerlib.beacon.live import LiveFix
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix, blank_fix
-from trackerlib.beacon.settings import FixSettings
+from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
+from trackerlib.beacon.uncertainty import SlowErrors, wider
 from trackerlib.frames import LocalFrame
 
 
@@ -44,7 +46,27 @@ class LiveSurvey:
             if number not in left_out:
                 self._live.add(number, ship[k], float(instant[k]), float(pings.travel_time_s[k]))
         self.told, self._last_s = count, float(instant[-1])
-        return self._spread(self._live.fix(), pings)
+        fix = self._spread(self._live.fix(), pings)
+        if not fix.converged or self.settings.gps_rms_m is not None:
+            return fix
+        return self._allow_for_slow_errors(fix, pings)
+
+    def _allow_for_slow_errors(self, fix: BeaconFix, pings: Pings) -> BeaconFix:
+        """The fix with an uncertainty that slow errors of a ship's position of unknown quality give, like the batch's.
+
+        Of the pings at hand: where older ones are gone, it is somewhat too wide.
+        """
+        problem, state, motion = problem_at(pings, fix, self.settings)
+        misfit = problem.eliminate(state[None], np.ones((1, len(problem.time))))
+        slope = misfit.gradient[0] @ problem.axes.T
+        gain = slope @ np.linalg.pinv(slope.T @ slope, rcond=1e-15, hermitian=True)
+        level = misfit.time_gradient[0][:, :2]
+        slow = SlowErrors(ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, fix.elapsed_s[fix.used])
+        moved = problem.axes.T @ slow.moved_by(level[:, :, None] * gain[:, None, :]) @ problem.axes
+        first, told = motion.at(0.0), fix.uncertainty
+        noise = wider(told.noise_covariance, first @ moved @ first.T)
+        covariance = noise + told.speed_sigma_mps**2 * np.outer(told.by_sound_speed, told.by_sound_speed)
+        return replace(fix, uncertainty=replace(told, noise_covariance=noise, covariance=covariance))
 
     def _spread(self, fix: BeaconFix, pings: Pings) -> BeaconFix:
         """The same fix with a row for every ping, those that were never told to it among them."""
@@ -65,4 +87,5 @@ class LiveSurvey:
             used=used,
             residual_s=residual,
             elapsed_s=blank.elapsed_s - start,
+            time_s=blank.time_s,
         )

@@ -85,11 +85,12 @@ def root_of(matrix, root):
 def whiten(root, values):
     """Replaces `values` (P, K) by the solution of root x = values."""
     for i in range(len(root)):
+        for k in range(i):
+            for j in range(values.shape[1]):
+                values[i, j] -= root[i, k] * values[k, j]
+        per = 1 / root[i, i]
         for j in range(values.shape[1]):
-            value = values[i, j]
-            for k in range(i):
-                value -= root[i, k] * values[k, j]
-            values[i, j] = value / root[i, i]
+            values[i, j] *= per
 
 
 @compiled

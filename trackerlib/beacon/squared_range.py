@@ -16,7 +16,7 @@ import numba
 import numpy as np
 
 from trackerlib.beacon.bent import DRAWS, follow_the_bend
-from trackerlib.beacon.neighbours import shared_errors, smooth_track
+from trackerlib.beacon.neighbours import smooth_track
 from trackerlib.beacon.small_systems import root_of, scaled_solve, whiten
 from trackerlib.beacon.squared_sums import (
     COLUMNS,
@@ -32,24 +32,31 @@ from trackerlib.beacon.squared_sums import (
     correlated_spread,
     instrument_sums,
     score,
+    share_by_leverage,
     start_sums,
     take_out_shared,
 )
 from trackerlib.compiled import compiled, warms
 
-NEIGHBOURS = 10  # on either side
+NEIGHBOURS = 200  # on either side, at most
 PASSES, STEPS = 50, 2  # with instruments renewed, and of Newton with instruments held
 AT_REST = 1e-6  # square of the score in standard errors below which one more step ends the search
+MOST_STUCK = 5  # times a step may have to be taken that does not improve matters
 ENOUGH = 1e-4  # the same, below which a second step is no use before instruments are renewed
+UNKNOWN_SHARE = 0.15  # of the depth: a standard error above which noise and not geometry makes an answer
+KNOWN_SHARE = 0.02  # the same, below which there is no need to ask
+BIASED_FROM, STRONGLY_BENT = 0.1, 1.0  # bends between which a bias of second order is worth taking out
 STILL, MOVING = 4, 7  # unknowns: east, north, up and c0, then three velocities
 
-FINE, FEW, HIDDEN, NO_PLACE, RULED = range(5)
+FINE, FEW, HIDDEN, NO_PLACE, RULED, BENT = range(6)
 WHY = (
     "",
     "fewer pings than the unknowns need",
     "the geometry does not show every unknown",
     "no place below the hydrophone fits",
-    "at this noise the geometry tells too little: no ellipsoid can be stated that holds the truth",
+    "with ship positions this noisy a beacon at most places below this track would be unknown by more than 15 % "
+    "of its depth",
+    "the places that fit lie on a curve that no ellipsoid describes",
 )
 
 
@@ -65,10 +72,10 @@ class SquaredRangeFixes:
     why: np.ndarray  # (B,) index in WHY of the reason for which it did not
     iterations: np.ndarray  # (B,) passes over the pings
 
-    @property
-    def refused_why(self) -> dict[str, int]:
-        """How many surveys were refused, by reason."""
-        return {WHY[code]: int(np.sum(self.why == code)) for code in np.unique(self.why) if code != FINE}
+
+def refusals(why: np.ndarray) -> dict[str, int]:
+    """How many fixes were refused, by reason, from their `SquaredRangeFixes.why`."""
+    return {WHY[code]: int(np.sum(why == code)) for code in np.unique(why) if code != FINE}
 
 
 def fix_squared_range(
@@ -90,7 +97,8 @@ def fix_squared_range(
     epochs : (N,) emission times [s]; a moving beacon's position is that at epoch 0
     gps_rms_m : ship position error of each of east and north, or of the two apart
     range_rms_m : speed of sound times the error of one arrival time
-    neighbours : pings on either side whose straight line stands for the ship's place
+    neighbours : pings on either side, at most, whose straight line stands for the ship's place; fewer are taken
+        where the ship's noise does not hide that it turned
     correlation_s : in this time, in the unit of the epochs, the correlation of two position errors falls to 1/e;
         0 for errors independent from ping to ping. Needs epochs in order.
 
@@ -159,8 +167,7 @@ def _fix_alone(
 def _fix_one(ship, ranges, epochs, noise, neighbours, correlation, draws, estimate, covariance):
     """One fix, from the start with motion and, if that leads nowhere, from the one without; why not, passes made."""
     unknowns = len(estimate)
-    smooth = smooth_track(ship, epochs, neighbours)
-    shared = shared_errors(epochs, neighbours, correlation)
+    smooth, shared = smooth_track(ship, epochs, noise, neighbours, correlation)
     origin = _origin(ship, ranges)
     why, passes = HIDDEN, 0
     for moving in (True, False):
@@ -178,7 +185,11 @@ def _fix_one(ship, ranges, epochs, noise, neighbours, correlation, draws, estima
         if why == FINE:
             estimate[:] = theta
             estimate[:4] += origin
-            break
+            return FINE, passes
+        if why == NO_PLACE and not _tells_enough(
+            -first[2], ship, smooth, ranges, epochs, origin, noise, unknowns == MOVING
+        ):
+            why = RULED
     return why, passes
 
 
@@ -253,6 +264,7 @@ def _descend(theta, ship, smooth, shared, ranges, epochs, origin, noise, correla
     spread, root = np.empty((unknowns, unknowns)), np.empty((unknowns, unknowns))
     value, own = np.empty((unknowns, 1)), np.empty((unknowns, unknowns))
     highest = np.max(ship[:, 2]) - origin[2]
+    stuck, moving = 0, unknowns == MOVING
     for step in range(1, PASSES + 1):
         instrument_sums(theta, ship, smooth, ranges, epochs, origin, noise, moments, spread)
         if correlation > 0:
@@ -263,18 +275,58 @@ def _descend(theta, ship, smooth, shared, ranges, epochs, origin, noise, correla
         whiten(root, value)
         at_rest = np.sum(value**2) < AT_REST
         if not _improve(moments, root, highest, theta):
-            return NO_PLACE, step
+            stuck += 1
+            if stuck > MOST_STUCK:
+                return NO_PLACE, step
         if at_rest:
             score(moments, theta, value[:, 0], own)
-            expected = spread.copy()
+            sure = _error_from(spread) < KNOWN_SHARE * -theta[2]
+            if not sure and not _tells_enough(-theta[2], ship, smooth, ranges, epochs, origin, noise, moving):
+                return RULED, step
             if correlation > 0:
                 correlated_spread(theta, ship, smooth, epochs, origin, noise, correlation, spread)
             bends = np.empty((unknowns, 3))
             bends[:, 0], bends[:, 1], bends[:, 2] = moments[:, ONE], moments[:, T], moments[:, TT]
-            if not follow_the_bend(own, expected, spread, bends, draws, covariance):
-                return RULED, step
+            bend = follow_the_bend(own, spread, bends, draws, covariance)
+            if not bend < np.inf:
+                return BENT, step
+            if BIASED_FROM < bend < STRONGLY_BENT and not correlation > 0:
+                share_by_leverage(theta, ship, smooth, epochs, origin, noise, root, shared)
+                take_out_shared(theta, ship, smooth, shared, epochs, origin, noise, moments)
+                _improve(moments, root, highest, theta)
             return FINE, step
     return NO_PLACE, PASSES
+
+
+@compiled
+def _tells_enough(depth, ship, smooth, ranges, epochs, origin, noise, moving):
+    """Whether such a survey can tell a beacon of this depth: asked of places about the track, not of the answer.
+
+    An answer that is far off can claim to be good, so it is not asked. What counts is the median standard error at
+    five places: below the track's mean and to either side of it.
+    """
+    width = 0.0
+    for n in range(len(ship)):
+        width += (ship[n, 0] - origin[0]) ** 2 + (ship[n, 1] - origin[1]) ** 2
+    depth = max(depth, np.sqrt(width / len(ship)))
+    unknowns = MOVING if moving else STILL
+    moments, spread = np.empty((unknowns, COLUMNS)), np.empty((unknowns, unknowns))
+    errors = np.empty(5)
+    for place in range(5):
+        other = np.zeros(unknowns)
+        other[2] = -depth
+        if place > 0:
+            other[place % 2] = depth / 2 if place > 2 else -depth / 2
+        instrument_sums(other, ship, smooth, ranges, epochs, origin, noise, moments, spread)
+        errors[place] = _error_from(spread)
+    return np.sort(errors)[2] < UNKNOWN_SHARE * depth
+
+
+@compiled
+def _error_from(information):
+    """Standard error of the position in space from an information matrix (P, P); infinite where it hides one."""
+    inverse, fine = scaled_solve(information, np.eye(len(information)))
+    return np.sqrt(inverse[0, 0] + inverse[1, 1] + inverse[2, 2]) if fine else np.inf
 
 
 @compiled
@@ -303,7 +355,10 @@ def _improve(moments, root, highest, theta):
                 if found <= size * (1 + 1e-6) + 1e-14:
                     break
             share /= 2
-        if share <= 1e-4:
+        if share <= 1e-4:  # no better place with these instruments: others may show one, half way along
+            if step == 0 and theta[2] - move[2, 0] / 2 < highest:
+                for k in range(unknowns):
+                    theta[k] -= move[k, 0] / 2
             return step > 0
         theta[:] = trial
         if size < ENOUGH:

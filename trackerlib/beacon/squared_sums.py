@@ -12,6 +12,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from trackerlib.beacon.small_systems import whiten
 from trackerlib.compiled import compiled
 
 # Columns of the moments: what is known of q, place, range, one; the same times t, t, t squared.
@@ -194,6 +195,28 @@ def take_out_shared(theta, ship, smooth, shared, epochs, origin, noise, moments)
                     moments[i, KNOWN] -= lost * own
                     moments[i, EAST + axis] -= lost / 2
                     moments[i, T_EAST + axis] -= lost * epochs[n] / 2
+
+
+@compiled
+def share_by_leverage(theta, ship, smooth, epochs, origin, noise, root, shared):
+    """Fills `shared` (N,) with what `take_out_shared` needs to undo the bias that noise in the instruments leaves.
+
+    The noise of a smoothed place is that of the pings it is made of, and so goes with the error of the solution that
+    these pings move. To second order the score's mean changes as if each ping shared its leverage, w J' spread^-1 J,
+    of its own error, the other way round. root : (P, P) of the spread.
+    """
+    unknowns = len(theta)
+    instruments, weighted = np.empty((unknowns, BLOCK)), np.empty((unknowns, BLOCK))
+    for first in range(0, len(ship), BLOCK):
+        part = min(BLOCK, len(ship) - first)
+        _fill_instruments(theta, ship, smooth, epochs, origin, first, part, noise, instruments, weighted)
+        for k in range(part):
+            shared[first + k] = 0.0
+        whiten(root, instruments)
+        whiten(root, weighted)
+        for i in range(unknowns):
+            for k in range(part):
+                shared[first + k] -= instruments[i, k] * weighted[i, k]
 
 
 @compiled

@@ -12,7 +12,7 @@ import numpy as np
 
 from trackerlib.beacon.attempt import Attempt, Candidate
 from trackerlib.beacon.minimise import Misfit, Problem
-from trackerlib.beacon.neighbours import shared_errors, smooth_track
+from trackerlib.beacon.neighbours import smooth_track
 from trackerlib.beacon.squared_range import NEIGHBOURS, fix_squared_range
 
 NEIGHBOUR_SHARE = 0.1  # of the slant range: farther than this, neighbours say little of the ship's place
@@ -116,10 +116,10 @@ def _by_instruments(
     attempt: Attempt, problem: Problem, state: np.ndarray, misfit: Misfit, scale: float, neighbours: int
 ) -> Unbiased | None:
     """By the same equations for any motion and any linear unknowns; None where they come to rest nowhere."""
-    smooth = smooth_track(np.ascontiguousarray(problem.ship), problem.share, neighbours)
-    shared = shared_errors(problem.share, neighbours, _correlation(attempt))
-    beside = replace(problem, ship=np.column_stack([smooth, problem.ship[:, 2]]))
     noise = np.append((scale * problem.gps_rms_m) ** 2, (scale * problem.time_sigma_s) ** 2)
+    ship = np.ascontiguousarray(problem.ship)
+    smooth, shared = smooth_track(ship, problem.share, noise, neighbours, _correlation(attempt))
+    beside = replace(problem, ship=np.column_stack([smooth, problem.ship[:, 2]]))
     linear, still = misfit.linear[0], np.zeros(len(problem.axes))
     prior = problem.prior / (scale**2 * np.median(problem.variance(misfit.time_gradient)))
     pull = np.concatenate([still, prior])

@@ -1,6 +1,7 @@
 """The shell's way in: `python -m trackerlib COMMAND ...`, one module a command.
 
-A module has `SUMMARY`, `add_arguments(parser)`, `run(args) -> document` and `report(document) -> str`.
+A module has `SUMMARY`, `add_arguments(parser)`, `run(args) -> document` and `report(document) -> str`. One that
+runs until interrupted prints for itself, and its `run` returns None.
 """
 
 from __future__ import annotations
@@ -16,7 +17,18 @@ import numpy as np
 
 from trackerlib.textfiles import InputError
 
-COMMANDS = ("gate", "timing", "correct", "constancy", "fix", "plan", "montecarlo", "study", "listen")
+COMMANDS = (
+    "gate",
+    "timing",
+    "correct",
+    "constancy",
+    "fix",
+    "plan",
+    "montecarlo",
+    "study",
+    "listen",
+    "emulate-receiver",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -28,7 +40,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = _parser(argv).parse_args(argv)
     try:
         document = args.module.run(args)
-        print(to_json(document) if args.json else args.module.report(document))
+        if document is not None:
+            print(to_json(document) if args.json else args.module.report(document))
     except InputError as error:
         print(f"{args.command}: {error}", file=sys.stderr)
         return 2
@@ -64,7 +77,7 @@ def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     # Only the command that is called is loaded: some take a second to import.
     for name in argv[:1] if argv and argv[0] in COMMANDS else COMMANDS:
-        module = import_module(f"trackerlib.commands.{name}")
+        module = import_module(f"trackerlib.commands.{name.replace('-', '_')}")
         command = commands.add_parser(name, help=module.SUMMARY, description=module.SUMMARY)
         module.add_arguments(command)
         command.add_argument("--json", action="store_true", help="print one JSON document and nothing else")

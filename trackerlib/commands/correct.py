@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from trackerlib.crossover.gating import MAX_SLANT_RANGE_FT, gate_mode_and_flag
 from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.calibration_file import read_calibration
 from trackerlib.rangefiles.corrected_tfile import CorrectedCopy, corrected_copy
+from trackerlib.rangefiles.run_track_file import run_track_csv
 from trackerlib.rangefiles.tfile import HEADER_RECORDS, TFileReading, parse_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
-from trackerlib.textfiles import InputError, read_bytes, write_bytes
+from trackerlib.textfiles import InputError, read_bytes, write_bytes, write_text
+from trackerlib.timing.run_track import RunTrack, correct_run
 from trackerlib.timing.track_correction import CorrectedReports, correct_reports
 
 SUMMARY = "write a copy of a T-file with its positions corrected"
@@ -32,6 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--calibration", type=Path, metavar="CALIBRATE.json", help="rotation and intercept of each array")
     add("--mode", type=int, metavar="M", help="only this vehicle (default: all)")
     add("--header-records", type=int, default=HEADER_RECORDS, metavar="N", help="default 31")
+    add("--track", type=Path, metavar="CSV", help="also the whole merged track of the vehicle of --mode")
+    add("--max-slant-range-ft", type=float, default=MAX_SLANT_RANGE_FT, metavar="R", help="of --track")
     add("--out", type=Path, required=True, metavar="FILE", help="the copy")
 
 
@@ -56,11 +61,40 @@ def run(args: argparse.Namespace) -> dict:
     copy = corrected_copy(
         content, args.tfile.name, tfile, corrected.which, corrected.position, provenance(args)
     )
+    track = _whole_track(args, tfile, survey, profile) if args.track else None
     write_bytes(args.out, copy.content)
     warnings = [*tfile.warnings, *_warnings(args, tfile, corrected, copy)]
     for note in warnings:
         print(f"correct: {note}", file=sys.stderr)
-    return document(args, tfile, corrected, copy, warnings)
+    answer = document(args, tfile, corrected, copy, warnings)
+    if track is not None:
+        write_text(args.track, run_track_csv(track, provenance(args), tfile.simulated))
+        before, after = track.mean_jump
+        answer |= {
+            "track": str(args.track),
+            "track_points": len(track.track),
+            "hand_overs": len(track.hand_overs),
+            "mean_jump_before_ft": before,
+            "mean_jump_after_ft": after,
+        }
+    return answer
+
+
+def _whole_track(args, tfile: TFileReading, survey, profile) -> RunTrack:
+    if args.mode is None:
+        raise InputError("--track needs --mode, the vehicle")
+    try:
+        return correct_run(
+            gate_mode_and_flag(tfile.reports, args.mode),
+            survey,
+            profile,
+            args.max_slant_range_ft,
+            1e-3 * args.offset_ms,
+            1e-3 * args.drift_ms_per_count,
+            args.t0 or 0.0,
+        )
+    except ValueError as error:
+        raise InputError(f"{args.tfile.name}: {error}") from None
 
 
 def provenance(args: argparse.Namespace) -> str:
@@ -110,6 +144,12 @@ def report(answer: dict) -> str:
         f"{answer['untouched']} records left as they were",
         f"written to {answer['file']}",
     ]
+    if "track" in answer:
+        lines.append(
+            f"whole track of {answer['track_points']} counts written to {answer['track']}; its "
+            f"{answer['hand_overs']} hand-overs jump {answer['mean_jump_after_ft']:.1f} ft, before "
+            f"{answer['mean_jump_before_ft']:.1f} ft (rms)"
+        )
     return "\n".join(lines)
 
 

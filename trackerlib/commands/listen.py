@@ -5,23 +5,19 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from dataclasses import replace
-from importlib import import_module
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from trackerlib.receiver.arrivals import Arrivals, Detector, joined
+from trackerlib.receiver.arrivals import Arrivals, joined
+from trackerlib.receiver.detectors import DETECTORS, hear
 from trackerlib.receiver.front_end import ATTENUATIONS_DB, Attenuator
 from trackerlib.receiver.recording import BLOCK_S, Recording
-from trackerlib.receiver.report_receiver import ReceiverSettings, ReportReceiver, first_attenuation
+from trackerlib.receiver.report_receiver import ReceiverSettings
 from trackerlib.textfiles import InputError, write_text
 
 SUMMARY = "find a pinger's arrivals in a recording of sound"
-DETECTORS = ("report", "modern")
 GAINS = ("auto", *map(str, ATTENUATIONS_DB))
-LOOK_S = 60.0  # most of a recording that is looked at to set the gain
 COLUMNS = ("period", "rank", "arrival_s", "fold_s", "level", "attenuation_db", "snr_db", "sigma_s")
 
 
@@ -61,15 +57,11 @@ def run(args: argparse.Namespace) -> dict:
     except ValueError as error:
         raise InputError(error) from None
     with Recording(args.recording, args.channel) as recording:
-        blocks = recording.blocks()
-        first = list(islice(blocks, int(min(settings.interval_s, LOOK_S) / BLOCK_S) + 1))
+        heard = hear(args.detector, settings, recording.rate_hz, recording.blocks(), BLOCK_S)
         try:
-            detector = _detector(args, settings, recording, first)
+            parts = [each.arrivals for each in heard]
         except ValueError as error:
             raise InputError(f"{args.recording}: {error}") from None
-        parts = [detector.feed(block).arrivals for block in first]
-        parts += [detector.feed(block).arrivals for block in blocks]
-        parts.append(detector.finish().arrivals)
         recording.check()
         notes = recording.notes()
     arrivals = joined(parts)
@@ -144,22 +136,3 @@ def _settings(args: argparse.Namespace) -> ReceiverSettings:
         sample_interval_s=args.sample_ms * 1e-3,
         attenuator=Attenuator(args.gain == "auto", 0 if args.gain == "auto" else int(args.gain)),
     )
-
-
-def _detector(args, settings: ReceiverSettings, recording: Recording, first: list[np.ndarray]) -> Detector:
-    """The chosen detector, its gain set by the recording's first period."""
-    rate = recording.rate_hz
-    if args.detector == "modern":
-        modern = import_module("trackerlib.receiver.matched").ModernDetector
-        return modern(
-            rate,
-            settings.carrier_hz,
-            settings.pulse_s,
-            settings.interval_s,
-            maxima=settings.maxima,
-            window_s=settings.window_s,
-        )
-    if settings.attenuator.automatic and first:
-        start_db = first_attenuation(np.concatenate(first), settings, rate)
-        settings = replace(settings, attenuator=Attenuator(True, start_db))
-    return ReportReceiver(settings, rate)

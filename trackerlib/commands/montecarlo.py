@@ -47,6 +47,7 @@ def run(args: argparse.Namespace) -> dict:
         "scenario": args.scenario,
         "method": args.method,
         **summary(trials),
+        "refused_why": [{"why": why, "count": count} for why, count in trials.refused_why.items()],
         "fixes_per_s": len(trials.estimate) / seconds,
     }
 
@@ -70,11 +71,9 @@ def report(document: dict) -> str:
         f"SIMULATED: scenario {document['scenario']}, {document['converged']} of {document['trials']} fixes converged, "
         f"{document['fixes_per_s']:.0f} a second"
     ]
-    if document["converged"] < document["trials"]:
-        lines.append(
-            "  the others were refused: the geometry does not show the beacon at this noise, or no place fits; "
-            "a faster ship, a longer survey or better positions would help"
-        )
+    lines += [f"  {one['count']} refused: {one['why']}" for one in document["refused_why"]]
+    if document["refused_why"]:
+        lines.append("  a faster ship, a longer survey or better positions would help")
     if document["converged"]:
         for name, rmse in document["rmse"].items():
             bound = document["crlb"][name]

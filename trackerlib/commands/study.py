@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import argparse
 import csv
+import io
 import os
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, fields
 from pathlib import Path
 
 import pandas as pd
 
 from trackerlib.commands.montecarlo import use_workers
-from trackerlib.simulation.figures import draw_study
+from trackerlib.simulation.figures import draw_page
 from trackerlib.simulation.hexagon import METHODS, SCENARIOS, Scenario
 from trackerlib.simulation.report import write_report
 from trackerlib.simulation.study import (
@@ -71,19 +74,21 @@ def run(args: argparse.Namespace) -> dict:
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / "study.csv"
     kept = _kept(path, args) if args.resume else []
-    done = {tuple(row[name] for name in POINT) for row in kept}
-    left = [point for point in points if tuple(str(value) for value in asdict(point).values()) not in done]
+    done = {_key(row) for row in kept}
+    left = [point for point in points if _key(asdict(point)) not in done]
     _begin_table(path, kept)
+    pages = _Pages(points, kept, args.out)
     with path.open("a", newline="", encoding="utf-8") as table:
         writer = csv.DictWriter(table, COLUMNS)
         for number, row in enumerate(_rows(left, args), 1):
             writer.writerow(row)
             table.flush()
+            pages.add(row)
             _show_progress(number, len(left))
     rows = pd.read_csv(path)
     simulated = time.perf_counter() - begin
-    figures = draw_study(rows, args.out)
     written, contours = write_report(rows, args.out, args.seed)
+    figures = pages.drawn()
     return {
         "simulated": True,
         "points": len(rows),
@@ -95,6 +100,45 @@ def run(args: argparse.Namespace) -> dict:
         "report": str(written),
         "seconds": simulated,
     }
+
+
+def _key(row: dict) -> tuple[str, ...]:
+    """What names a point, as text."""
+    return tuple(str(row[name]) for name in POINT)
+
+
+class _Pages:
+    """Draws each page as soon as its last point is there, while the kernels work on the next."""
+
+    def __init__(self, points: list[StudyPoint], kept: list[dict], folder: Path):
+        every = {_key(row) for row in kept} | {_key(asdict(point)) for point in points}
+        self._wanted = Counter((int(key[0]), key[1]) for key in sorted(every))
+        self._rows: dict[tuple[int, str], list[dict]] = {key: [] for key in self._wanted}
+        self._folder = folder
+        self._pool = ThreadPoolExecutor(1)
+        self._drawn: dict[tuple[int, str], Future[Path]] = {}
+        for row in kept:
+            self.add(row)
+
+    def add(self, row: dict) -> None:
+        """Takes one more row of the table."""
+        key = (int(row["scenario"]), row["sweep"])
+        self._rows[key].append(row)
+        if len(self._rows[key]) == self._wanted[key]:
+            self._drawn[key] = self._pool.submit(self._draw, key)
+
+    def _draw(self, key: tuple[int, str]) -> Path:
+        text = io.StringIO()
+        writer = csv.DictWriter(text, COLUMNS)  # through text, as a table that is resumed holds text
+        writer.writeheader()
+        writer.writerows(self._rows[key])
+        text.seek(0)
+        return draw_page(pd.read_csv(text), self._folder)
+
+    def drawn(self) -> list[Path]:
+        """The files written, in the order of the study."""
+        with self._pool:
+            return [self._drawn[key].result() for key in self._wanted]
 
 
 def one_row(

@@ -8,6 +8,8 @@ import io
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from trackerlib.crossover.gating import gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.rangefiles.arrays import read_arrays
@@ -19,8 +21,10 @@ from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.textfiles import InputError, write_text
 from trackerlib.timing.causes import CauseFit, Ranking, compare_causes
 from trackerlib.timing.correction import METHODS, OUTLIERS, TimingCorrection, fit_timing
+from trackerlib.timing.one_run import offsets_agree
 
 SUMMARY = "estimate timing offset and drift from crossover sets"
+SERVES = 0.025  # chance below which sets are not said to share one offset
 MOST_CAUSES = 12  # that an answer lists
 COLUMNS = (
     "day", "run", "pair", "offset_ms", "sigma_offset_ms", "drift_ms_per_count", "sigma_drift_ms_per_count",
@@ -92,13 +96,37 @@ def run(args: argparse.Namespace) -> dict:
         sets.append(reading.set)
     if args.out:
         write_text(args.out, offsets_csv(answers, args.day, args.run))
-    answer = {"sets": answers, "simulated": _is_simulated(args)}
+    answer = {"sets": answers, "one_offset": one_offset(answers), "simulated": _is_simulated(args)}
     if args.causes:
         try:
             answer |= causes_document(compare_causes(sets, survey, profile))
         except ValueError as error:
             print(f"timing: {error}", file=sys.stderr)
     return answer
+
+
+def one_offset(answers: list[dict]) -> dict | None:
+    """Whether the sets share one offset, and one offset with a drift, each judged by its own sigma."""
+    sure = [one for one in answers if one["sigma_offset_ms"]]
+    if len(sure) < 3:
+        return None
+    offset, sigma, t0 = (
+        np.array([one[key] for one in sure]) for key in ("offset_ms", "sigma_offset_ms", "t0")
+    )
+    tests = {
+        "constant": offsets_agree(1e-3 * offset, 1e-3 * sigma, t0),
+        "drifting": offsets_agree(1e-3 * offset, 1e-3 * sigma, t0, drift=True),
+    }
+    return {
+        name: {
+            "mean_offset_ms": 1e3 * test.offset_s,
+            "sigma_mean_offset_ms": 1e3 * test.sigma_offset_s,
+            "distance": test.distance,
+            "dof": test.dof,
+            "p_value": test.p_value,
+        }
+        for name, test in tests.items()
+    }
 
 
 def causes_document(ranking: Ranking) -> dict:
@@ -216,6 +244,14 @@ def report(answer: dict) -> str:
             f"{one['drift_ms_per_count']:9.4f} ± {one['sigma_drift_ms_per_count']:.4f}   "
             f"{one['rms_before_ft']:.1f} -> {one['rms_after_ft']:.1f}{left_out}{apart}"
         )
+    if answer.get("one_offset"):
+        for name, one in answer["one_offset"].items():
+            kind = "one offset for all sets" if name == "constant" else "one offset and one drift"
+            verdict = "serves" if one["p_value"] > SERVES else "does not serve"
+            lines.append(
+                f"{kind} {verdict}: {one['mean_offset_ms']:.3f} ± {one['sigma_mean_offset_ms']:.3f} ms, distance "
+                f"{one['distance']:.1f} with {one['dof']} degrees of freedom, p {one['p_value']:.2g}"
+            )
     if "causes" in answer:
         lines += ["", f"what fits all sets together: {answer['best_cause']}"]
         lines += [

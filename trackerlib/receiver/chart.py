@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 MARK_MS = 10.0  # length of a beacon's pulse, and so of a mark
+MARK_DARKNESS = 235.0  # of a mark whose level is not known, of 255
 PAPER_NOISE = 26  # darkest grain of bare paper, of 255
 
 
@@ -45,16 +46,46 @@ def chart_lines(
     A logged survey has no sound levels, so every mark is equally dark and the grain is the paper's.
     """
     arrival = np.atleast_1d(np.asarray(arrival_s, float))
-    paper = (
-        np.stack([_grain(first_line + k, settings.columns) for k in range(len(arrival))])
-        if len(arrival)
-        else np.zeros((0, settings.columns), np.uint8)
-    )
+    dark = np.full(len(arrival), MARK_DARKNESS)
+    return mark_lines(np.arange(len(arrival)), arrival, dark, len(arrival), settings, first_line, mark_ms)
+
+
+def mark_lines(
+    line,
+    arrival_s,
+    darkness,
+    count: int,
+    settings: ChartSettings,
+    first_line: int = 0,
+    mark_ms: float = MARK_MS,
+) -> np.ndarray:
+    """Lines of paper (count, columns) uint8 with a mark for each arrival.
+
+    line : (N,) the line that each belongs to, less `first_line`; arrival_s : (N,) NaN for no mark
+    darkness : (N,) of a mark, 0 to 255, such as a recorder's level
+    """
+    paper = grained(np.zeros((count, settings.columns), np.uint8), first_line)
+    arrival = np.asarray(arrival_s, float)
     column = fold(arrival, settings.interval_s, settings.offset_s) / settings.interval_s * settings.columns
     width = max(mark_ms * 1e-3 / settings.interval_s * settings.columns, 3.0)
     for k in np.flatnonzero(np.isfinite(arrival)):
-        _ink(paper[k], column[k], width, first_line + int(k))
+        _ink(paper[line[k]], column[k], width, first_line + int(line[k]), float(darkness[k]))
     return paper
+
+
+def grained(lines: np.ndarray, first_line: int) -> np.ndarray:
+    """Lines (N, columns) on paper, whose own faint grain shows where they are bare."""
+    if not len(lines):
+        return lines
+    grain = np.stack([_grain(first_line + k, lines.shape[1]) for k in range(len(lines))])
+    return np.maximum(lines, grain)
+
+
+def line_of(arrival_s, settings: ChartSettings) -> tuple[np.ndarray, np.ndarray]:
+    """Number of the line (N,) that each arrival falls on, and its time [s] from that line's left edge."""
+    since = np.asarray(arrival_s, float) - left_edge(settings, 0)
+    line = np.floor(since / settings.interval_s)
+    return line.astype(int), since - line * settings.interval_s
 
 
 def level_lines(
@@ -75,7 +106,7 @@ def level_lines(
     across = np.arange(settings.columns + 1) / settings.columns
     lines, line = [], first
     while True:
-        edges = np.floor(_left_edge(settings, line) / sample_interval_s + across * per_line + 1e-6).astype(
+        edges = np.floor(left_edge(settings, line) / sample_interval_s + across * per_line + 1e-6).astype(
             int
         )
         edges -= start
@@ -101,19 +132,19 @@ class LevelPaper:
     def feed(self, levels: np.ndarray) -> np.ndarray:
         """The lines (N, columns) that these levels (M,) complete."""
         self._levels = np.concatenate([self._levels, levels])
-        line_end_s = _left_edge(self.settings, self.lines + 1)
+        line_end_s = left_edge(self.settings, self.lines + 1)
         if (self._start + len(self._levels)) * self.sample_interval_s < line_end_s:
             return np.zeros((0, self.settings.columns), np.uint8)
         lines = level_lines(self._levels, self.settings, self.sample_interval_s, self.lines, self._start)
         self.lines += len(lines)
-        left = int(_left_edge(self.settings, self.lines) / self.sample_interval_s) - 1
+        left = int(left_edge(self.settings, self.lines) / self.sample_interval_s) - 1
         gone = min(max(left - self._start, 0), len(self._levels))
         self._levels, self._start = self._levels[gone:], self._start + gone
         return lines
 
 
-def _left_edge(settings: ChartSettings, line: int) -> float:
-    """Time of a line's left edge since the stream's first sample [s]; line 0 holds that sample."""
+def left_edge(settings: ChartSettings, line: int) -> float:
+    """Time of a line's left edge [s] since the stream's first sample; line 0 holds that sample."""
     early = -np.mod(-settings.offset_s, settings.interval_s)  # the last offset at or before the first sample
     return early + line * settings.interval_s
 
@@ -123,11 +154,11 @@ def _grain(line: int, columns: int) -> np.ndarray:
     return np.random.default_rng(line).integers(0, PAPER_NOISE, columns, dtype=np.uint8)
 
 
-def _ink(row: np.ndarray, column: float, width: float, line: int) -> None:
+def _ink(row: np.ndarray, column: float, width: float, line: int, darkness: float) -> None:
     """Burns one mark into a line: a sharp leading edge, a fading tail, the stylus's uneven bite."""
     columns = len(row)
     length = int(np.ceil(width * 1.6))
     place = (int(column) + np.arange(length)) % columns  # a mark that runs off the edge goes on at the left
     after = (np.arange(length) - width).clip(0) / (0.6 * width)
     bite = np.random.default_rng((line, 1)).uniform(0.75, 1.0, length)
-    row[place] = np.maximum(row[place], (235 * bite * (1 - after).clip(0.1)).astype(np.uint8))
+    row[place] = np.maximum(row[place], (darkness * bite * (1 - after).clip(0.1)).astype(np.uint8))

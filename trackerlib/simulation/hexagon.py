@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.stats import chi2
 
 from trackerlib.beacon.pairs import experiments, fix_pairs
-from trackerlib.beacon.squared_range import MOVING, SquaredRangeFixes, fix_squared_range
+from trackerlib.beacon.squared_range import MOVING, SquaredRangeFixes, fix_squared_range, refusals
 
 LEG_M = 1000.0
 INTERVAL_S = 2.0
@@ -24,7 +25,9 @@ SAMPLE_S = 1e-3
 SOUND_SPEED_MPS = 1500.0
 TIME_RMS_S = SAMPLE_S / np.sqrt(12)  # of a time read off 1 ms samples
 BATCH = 200  # trials simulated at once
+CHAIN = 64  # receptions that noise is drawn for at once
 PROBABILITY = 0.95
+NOT_AT_REST = "no place inside the search box at which the iteration rests"
 METHODS = ("all-pings", "thesis")  # every reception; the thesis's chained experiments
 
 
@@ -84,6 +87,7 @@ class Trials:
     covariance: np.ndarray  # (M, 3 or 6, 3 or 6)
     converged: np.ndarray  # (M,)
     bound: np.ndarray  # (3 or 6,) Cramer-Rao bound of each component
+    refused_why: dict[str, int]  # how many trials were refused, by reason
 
     @property
     def errors(self) -> np.ndarray:
@@ -230,7 +234,18 @@ def run_trials(receptions: Receptions, gps_rms_m: float, trials: int, seed: int)
         np.concatenate([part.covariance for part in parts])[:, keep][:, :, keep],
         np.concatenate([part.converged for part in parts]),
         position_bound(receptions, gps_rms_m, range_rms),
+        refusals(np.concatenate([part.why for part in parts])),
     )
+
+
+@lru_cache(maxsize=1)  # the points of a sweep share it
+def _noise(trials: int, seed: int, receptions: int) -> np.ndarray:
+    """Standard errors (3, trials, receptions) east, north and in range; more receptions leave the first as they are."""
+    drawn = np.random.default_rng(seed).standard_normal((receptions, trials, 3))
+    return np.ascontiguousarray(drawn.transpose(2, 1, 0))
+
+
+_sailed = lru_cache(maxsize=128)(sail_hexagon)  # a sweep's ways, the same for each estimator and GPS error
 
 
 def run_pair_trials(receptions: Receptions, spacing: int, gps_rms_m: float, trials: int, seed: int) -> Trials:
@@ -244,10 +259,12 @@ def run_pair_trials(receptions: Receptions, spacing: int, gps_rms_m: float, tria
         raise ValueError(f"found {trials} trials; wanted at least 1")
     chain = np.arange(0, len(receptions.ship), spacing)
     range_rms = SOUND_SPEED_MPS * TIME_RMS_S
-    noise = np.random.default_rng(seed).standard_normal((len(chain), trials, 3)).swapaxes(0, 1)
-    ship = np.repeat(receptions.ship[chain][None], trials, axis=0)
-    ship[:, :, :2] += gps_rms_m * noise[:, :, :2]
-    ranges = receptions.range_m[chain] + range_rms * noise[:, :, 2]
+    east, north, along = _noise(trials, seed, -(-len(chain) // CHAIN) * CHAIN)[:, :, : len(chain)]
+    ship = np.empty((trials, len(chain), 3))
+    ship[:, :, 0] = receptions.ship[chain, 0] + gps_rms_m * east
+    ship[:, :, 1] = receptions.ship[chain, 1] + gps_rms_m * north
+    ship[:, :, 2] = receptions.ship[chain, 2]
+    ranges = receptions.range_m[chain] + range_rms * along
     fixes = fix_pairs(
         ship, ranges, receptions.emitted_s[chain], experiments(len(chain) - 1, 1), gps_rms_m, range_rms,
         moving=receptions.scenario.moving,
@@ -258,6 +275,7 @@ def run_pair_trials(receptions: Receptions, spacing: int, gps_rms_m: float, tria
         fixes.covariance,
         fixes.converged,
         position_bound(receptions, gps_rms_m, range_rms),
+        {NOT_AT_REST: lost} if (lost := int(np.sum(~fixes.converged))) else {},
     )
 
 
@@ -272,7 +290,7 @@ def sail_for(
         raise ValueError(
             f"found {experiment_count} experiments at spacing {spacing}; wanted at least 1 of each"
         )
-    return sail_hexagon(beacon, experiment_count * spacing + 1, speed_mps, start_vertex)
+    return _sailed(beacon, experiment_count * spacing + 1, speed_mps, start_vertex)
 
 
 def run_point(
@@ -292,9 +310,16 @@ def run_point(
     """
     if scenario not in SCENARIOS or method not in METHODS:
         raise ValueError(f"found scenario {scenario}, method {method}; wanted 1 to 6, one of {METHODS}")
+    receptions = sail_for(SCENARIOS[scenario], experiment_count, spacing, speed_mps, start_vertex)
+    return run_method(receptions, spacing, gps_rms_m, trials, seed, method)
+
+
+def run_method(
+    receptions: Receptions, spacing: int, gps_rms_m: float, trials: int, seed: int, method: str
+) -> Trials:
+    """Trials of one survey by an estimator of METHODS. Raises ValueError for a ship without position error."""
     if not gps_rms_m > 0:
         raise ValueError(f"found a ship position error of {gps_rms_m:g} m; wanted more than 0")
-    receptions = sail_for(SCENARIOS[scenario], experiment_count, spacing, speed_mps, start_vertex)
     if method == "thesis":
         return run_pair_trials(receptions, spacing, gps_rms_m, trials, seed)
     return run_trials(receptions, gps_rms_m, trials, seed)

@@ -18,8 +18,7 @@ from trackerlib.simulation.hexagon import (
     SCENARIOS,
     Scenario,
     Trials,
-    run_pair_trials,
-    run_trials,
+    run_method,
     sail_for,
 )
 from trackerlib.simulation.usual import run_usual_trials
@@ -89,9 +88,7 @@ def run_study_point(
     receptions = sail_for(beacon, point.experiments, point.spacing, speed_mps)
     if point.method == "usual":
         return run_usual_trials(receptions, point.gps_rms_m, trials, seed)
-    if point.method == "thesis":
-        return run_pair_trials(receptions, point.spacing, point.gps_rms_m, trials, seed)
-    return run_trials(receptions, point.gps_rms_m, trials, seed)
+    return run_method(receptions, point.spacing, point.gps_rms_m, trials, seed, point.method)
 
 
 def summary(trials: Trials) -> dict:

@@ -63,6 +63,8 @@ def fix_usual(ship, ranges, epochs, gps_rms_m: float, range_rms_m: float, start,
         pull = (weighted.transpose(0, 2, 1) @ miss[:, :, None])[:, :, 0]
         step = np.einsum("tkl,tl->tk", inverse, pull) / scale[:, 0]
         state += step
+        if np.abs(step).max() < 1e-6:
+            break
     covariance = inverse / (scale.transpose(0, 2, 1) * scale)
     return state, covariance, np.abs(step).max(axis=1) < 1e-3
 
@@ -78,7 +80,7 @@ def run_usual_trials(receptions: Receptions, gps_rms_m: float, trials: int, seed
     ]  # fmt: skip
     estimate, covariance, converged = (np.concatenate(parts) for parts in zip(*found, strict=True))
     bound = position_bound(receptions, gps_rms_m, SOUND_SPEED_MPS * TIME_RMS_S)
-    return Trials(receptions, estimate, covariance, converged & np.isfinite(bound).all(), bound)
+    return Trials(receptions, estimate, covariance, converged & np.isfinite(bound).all(), bound, {})
 
 
 def compare(receptions: Receptions, gps_rms_m: float, trials: int, seed: int) -> Comparison:

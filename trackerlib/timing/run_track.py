@@ -17,7 +17,7 @@ from trackerlib.crossover.gating import GAP_COUNTS, gate_slant_range, pair_up
 from trackerlib.crossover.repeats import resolve_repeats
 from trackerlib.crossover.reports import PositionReports
 from trackerlib.crossover.survey import ArraySurvey
-from trackerlib.timing.stretch import stretch
+from trackerlib.timing.track_correction import correct_reports
 
 
 @dataclass(frozen=True)
@@ -89,24 +89,14 @@ def correct_run(
     single, _ = resolve_repeats(near, reports)
     if not len(single):
         raise ValueError("no report of this vehicle lies within range of an array whose position is known")
-    corrected, reached = _corrected(single, survey, profile, offset_s, drift_s_per_count, t0)
+    moved = correct_reports(single, survey, profile, offset_s, drift_s_per_count, t0)
+    corrected, reached = single.position.astype(float), np.zeros(len(single), bool)
+    corrected[moved.which], reached[moved.which] = moved.position, True
     count, where, arrays = np.unique(single.point_count, return_inverse=True, return_counts=True)
     track = np.column_stack([np.bincount(where, corrected[:, axis]) for axis in range(3)]) / arrays[:, None]
     return RunTrack(
         single, corrected, reached, count, track, arrays, _hand_overs(single, corrected, gap_counts)
     )
-
-
-def _corrected(single, survey, profile, offset_s, drift_s_per_count, t0) -> tuple[np.ndarray, np.ndarray]:
-    corrected, reached = single.position.copy(), np.zeros(len(single), bool)
-    g = offset_s + drift_s_per_count * (single.point_count - t0)
-    for number in np.unique(single.array):
-        rows = np.flatnonzero(single.array == number)
-        moved = stretch(single.position[rows], survey.position_of(int(number)), profile)
-        rows, good = rows[moved.reached], moved.reached
-        corrected[rows] += g[rows, None] * moved.velocity[good]
-        reached[rows] = True
-    return corrected, reached
 
 
 def _hand_overs(single: PositionReports, corrected: np.ndarray, gap_counts: int) -> tuple[HandOver, ...]:

@@ -1,0 +1,172 @@
+"""What may stand below the paper: residuals of the hyperbola, the SAIL terminal, detection curves, the front end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.pictures.receiver_views import DetectionView, FrontEndView, PassView
+from dashboards.session import Session
+from dashboards.tabs.chart_live import LiveReceiver
+from dashboards.tabs.tab import drawn, number
+from trackerlib.receiver.cells import MatchedFilter
+from trackerlib.receiver.detection_curve import detection_curve
+from trackerlib.receiver.front_end_design import (
+    FrontEnd,
+    decibels,
+    dynamic_range_db,
+    noise_by_meter,
+    source_impedance,
+    thermal_noise_v,
+)
+from trackerlib.textfiles import InputError
+
+PANES = ("Hyperbola", "Terminal", "Detection", "Front\u00a0end")
+FALSE_ALARMS = np.geomspace(1e-4, 0.1, 10)
+RATIOS_DB = np.array([6.0, 9.0, 12.0, 15.0])
+PULSES = 200  # simulated at each ratio
+METER_V, METER_GAIN, METER_HZ = 6.8e-3, 19_275, 120.0  # of the report's noise measurement (5-30)
+
+
+class Beside:
+    """The panes, one in sight; `say` sends a line that a person typed."""
+
+    def __init__(self, session: Session, say: Callable[[str], None]):
+        self.session, self._say = session, say
+        self.choice = pmui.RadioButtonGroup(
+            options=list(PANES), value=PANES[0], size="small", margin=(2, 8), button_type="primary"
+        )
+        self.choice.param.watch(lambda event: self._show(), "value")
+        self.residuals, self.detection, self.front_end = PassView(), DetectionView(), FrontEndView()
+        self._make_terminal()
+        self._make_front_end()
+        self._curves_drawn = False
+        self._panes = {
+            PANES[0]: drawn(self.residuals.figure),
+            PANES[1]: pn.Column(
+                pn.Row(self.command, self.hint, margin=0), self.terminal, sizing_mode="stretch_both", margin=0
+            ),
+            PANES[2]: drawn(self.detection.figure),
+            PANES[3]: pn.Row(
+                pn.Column(self.carrier, self.bandwidth, width=170, margin=0), drawn(self.front_end.figure),
+                pn.Column(self.design_words, width=250, scroll="y", margin=0),
+                sizing_mode="stretch_both", margin=0,
+            ),
+        }  # fmt: skip
+        self._show()
+
+    def panel(self):
+        """All of it."""
+        return pn.Column(self.choice, *self._panes.values(), sizing_mode="stretch_both", margin=0)
+
+    def _show(self) -> None:
+        for name, pane in self._panes.items():  # hidden, not taken out: what is drawn must find its figure
+            pane.visible = name == self.choice.value
+        if self.choice.value == "Detection" and not self._curves_drawn:
+            self._draw_curves()
+        if self.choice.value == PANES[3] and not len(self.front_end.source.data["khz"]):
+            self._design()
+
+    # -- terminal ------------------------------------------------------------------------------
+
+    def _make_terminal(self) -> None:
+        self.terminal = pn.widgets.Terminal(
+            options={"fontSize": 12, "convertEol": True, "scrollback": 2000, "cursorBlink": False},
+            sizing_mode="stretch_both",
+            min_height=60,
+            margin=(2, 8),
+        )
+        self.terminal.param.watch(self._keyed, "value")
+        self._line = ""
+        self.command = pmui.TextInput(
+            label="Say on the line", placeholder="#PTR H", size="small", width=220, margin=(4, 8)
+        )
+        self.command.param.watch(self._entered, "enter_pressed")
+        self.hint = pn.pane.HTML(
+            "#PTR is the receiver, #GPS the GPS: <code>#PTR H</code> helps, <code>AA</code> sets automatic gain, "
+            "<code>#GPS ?L</code> asks for a position.",
+            styles={"font-size": "12px"},
+            margin=(12, 4),
+        )
+
+    def _entered(self, event) -> None:
+        if self.command.value_input:
+            self._send(self.command.value_input)
+            self.command.param.update(value="", value_input="")
+
+    def _keyed(self, event) -> None:
+        """Keys pressed in the terminal make a line; Enter says it."""
+        for key in event.new or "":
+            if key in "\r\n":
+                line, self._line = self._line, ""
+                self._send(line)
+            elif key in "\x7f\b":
+                if self._line:
+                    self._line = self._line[:-1]
+                    self.terminal.write("\b \b")
+            elif key.isprintable():
+                self._line += key
+                self.terminal.write(key)
+
+    def _send(self, line: str) -> None:
+        self.terminal.write("\n")
+        memory = "?M" in line or "!M" in line  # these two end with a return
+        self._say(line + "\r" if memory else line)
+
+    def hear(self, live: LiveReceiver) -> None:
+        """Shows what the line said since the last time, while the terminal is in sight."""
+        if live.said and self.choice.value == "Terminal":
+            said, live.said = live.said, b""
+            text = "".join(chr(c) if 32 <= c < 127 or c in (10, 13) else "" for c in said)
+            self.terminal.write(text)
+
+    # -- curves and design ---------------------------------------------------------------------
+
+    def _draw_curves(self) -> None:
+        self._curves_drawn = True
+        matched = MatchedFilter(48_000, 10_000.0, 0.01)
+
+        def work(progress):
+            return detection_curve(matched, FALSE_ALARMS, RATIOS_DB, pulses=PULSES)
+
+        self.session.jobs.start("Detection curves", work, self.detection.show)
+
+    def _make_front_end(self) -> None:
+        defaults = FrontEnd()
+        self.carrier = number("Carrier (Hz)", defaults.carrier_hz, "The two stages are tuned to it; 10 kHz unless told", step=100.0)
+        self.bandwidth = number(
+            "Bandwidth (Hz)", defaults.bandwidth_hz, "Between −3 dB points of both stages; 120 Hz was measured", step=10.0
+        )
+        self.design_words = pn.pane.HTML(styles={"font-size": "12px"}, margin=(4, 8))
+        for widget in (self.carrier, self.bandwidth):
+            widget.param.watch(lambda event: self._design(), "value")
+
+    def _design(self) -> None:
+        carrier, bandwidth = self.carrier.value or 0.0, self.bandwidth.value or 0.0
+        if not (1000 <= carrier <= 100_000 and 1 <= bandwidth <= 10_000):
+            self.session.report(InputError("a carrier of 1 to 100 kHz and a bandwidth of 1 to 10,000 Hz are wanted"))
+            return
+        design = FrontEnd(carrier_hz=carrier, bandwidth_hz=bandwidth)
+        self.front_end.show(design)
+        self.design_words.object = design_words(design)
+
+
+def design_words(design: FrontEnd) -> str:
+    """Gains, impedance and noise at the carrier, as HTML."""
+    hz = design.carrier_hz
+    stages = [float(decibels(stage)) for stage in design.stage_gains(hz)]
+    source = complex(source_impedance(hz))
+    noise = noise_by_meter(METER_V, METER_GAIN, METER_HZ)
+    rows = {
+        "stage gains": " + ".join(f"{gain:.1f}" for gain in stages) + " dB",
+        "with the couplings": f"{float(design.gain_db(hz)):.1f} dB",
+        "source impedance": f"{abs(source):.0f} Ω",
+        "its thermal noise": f"{1e9 * float(thermal_noise_v(source.real)):.2g} nV/√Hz",
+        "noise by the report's meter": f"{1e9 * noise:.1f} nV/√Hz (it prints 31)",
+        "compressor's span": f"{dynamic_range_db():.0f} dB",
+    }
+    cells = "".join(f"<tr><td style='padding-right:8px'>{name}</td><td>{text}</td></tr>" for name, text in rows.items())
+    return f"<b>At {hz / 1e3:g} kHz</b><table>{cells}</table>"

@@ -1,0 +1,109 @@
+"""What the Wet-paper chart says: of the source, of a hyperbola, of a receiver on its line."""
+
+from __future__ import annotations
+
+import html
+
+import numpy as np
+
+from dashboards.pictures.bearing_layer import distance_text
+from trackerlib.beacon.bearing_lines import BearingFix
+from trackerlib.frames import degrees_minutes
+from trackerlib.live.receiver_session import SessionStatus
+from trackerlib.receiver.chart import ChartSettings
+from trackerlib.receiver.hyperbola import Pass
+from trackerlib.receiver.rolls import PingRoll, Roll
+from trackerlib.rounding import value_with_sigma
+
+BADGE = ' <b style="background:#B35900;color:white;border-radius:4px;padding:1px 6px">SIMULATED</b>'
+LOG_HOLDS_TIMES = (
+    "A survey log holds times, not sound: every mark is drawn alike, 10 ms long, and the grain is the paper's. Pings "
+    "are a line each. A ping's time is that of its log line plus its travel time plus an unknown constant, so only how "
+    "the trace bends counts."
+)
+
+
+def paper_words(roll: Roll, settings: ChartSettings, shown: int, missed: int, threshold: float) -> str:
+    """What lies on the paper, as HTML."""
+    name = html.escape(roll.source)
+    kind = BADGE if roll.simulated else ""
+    what = f"{settings.interval_s:.4f} s across, the newest line at the bottom."
+    if isinstance(roll, PingRoll):
+        return f"<b>{shown} of {len(roll.pings)} pings</b> of {name}{kind}, a line each, {what}"
+    text = f"<b>{shown} lines</b> of {name}{kind}, {what}"
+    loud = int(np.sum(roll.arrivals.level >= threshold))
+    return f"{text} {loud} arrivals above the threshold; {missed} of the lines kept have none."
+
+
+def receiver_words(status: SessionStatus | None, pings: int, unplaced: int, kept: str) -> str:
+    """How the receiver on its line does, as HTML."""
+    if status is None:
+        return (
+            "<b>No receiver is connected.</b> Name its serial device or <code>tcp:HOST:PORT</code> and press Connect; "
+            "or start the emulator, which is a simulated receiver with a GPS."
+        )
+    attenuation = (
+        "not known" if not np.isfinite(status.attenuation_db) else f"{status.attenuation_db:.0f} dB"
+    )
+    state = {"listening": "Listening", "waiting": "Waiting for the line", "stopped": "Stopped"}[status.state]
+    words = [
+        f"<b>{state}</b>: {status.periods} periods, {status.missed} missed, {status.uncertain} of unknown number; "
+        f"{status.positions} positions; attenuation {attenuation}; {status.baud} baud.",
+        f"{pings} pings followed and given to the beacon fix.",
+    ]
+    if unplaced:
+        words.append(f"{unplaced} more had no ship's position.")
+    if status.no_position:
+        words.append(f"GPS: {html.escape(status.no_position)}.")
+    if status.words:
+        words.append(f"<span style='color:#C62828'>{html.escape(status.words)}.</span>")
+    if status.lost:
+        words.append(f"<span style='color:#C62828'>{status.lost} bytes or rows could not be kept.</span>")
+    if kept:
+        words.append(f"Kept in {html.escape(kept)}.")
+    return " ".join(words)
+
+
+def pass_words(found: Pass | None, marks: int, when: str) -> str:
+    """Closest approach of the marked trace, in a sentence, as HTML.
+
+    when : the time of closest approach as a person would say it
+    """
+    if found is None:
+        if not marks:
+            return (
+                "Drag a box or lasso round a trace, or click on it, to mark it; a click on a mark takes it away. "
+                "<b>Hyperbola</b> then tells the closest approach."
+            )
+        return f"{marks} marks. <b>Hyperbola</b> fits their closest approach."
+    if found.line is None:
+        return f"<b>No closest approach:</b> {html.escape(found.reason or '')}."
+    line = found.line
+    words = (
+        f"<b>Closest approach {when}, line {found.closest_emission:.1f} ± {found.sigma_emission:.1f}: "
+        f"{html.escape(distance_text(line))}</b> of slant distance. The beacon bears "
+        f"{line.bearing_deg:.0f}° or {(line.bearing_deg + 180) % 360:.0f}° from "
+        f"{html.escape(degrees_minutes(line.lat_deg, 'NS'))}, {html.escape(degrees_minutes(line.lon_deg, 'EW'))}; the "
+        f"line is sure to {line.sigma_along_m:.2g} m along the track."
+    )
+    if found.reason:
+        words += f" {html.escape(found.reason[0].upper() + found.reason[1:])}."
+    return words
+
+
+def bearing_words(fix: BearingFix | None, count: int) -> str:
+    """What the bearing lines say together, as HTML."""
+    if fix is None:
+        return ""
+    lines = f"{count} bearing line{'s' if count > 1 else ''}"
+    if not fix.converged:
+        return f"<b>{lines}, no fix:</b> {html.escape(fix.reason or '')}."
+    shape = fix.ellipse
+    depth = ""
+    if fix.depth_m is not None:
+        depth = f", {value_with_sigma(fix.depth_m, fix.sigma_depth_m, 'm')} below the hydrophone"
+    return (
+        f"<b>{lines} meet at {html.escape(degrees_minutes(fix.lat_deg, 'NS'))}, "
+        f"{html.escape(degrees_minutes(fix.lon_deg, 'EW'))}</b>{depth}; 95 % ellipse {shape.semi_major_m:.2g} by "
+        f"{shape.semi_minor_m:.2g} m, long axis {shape.bearing_deg:.0f}°."
+    )

@@ -1,0 +1,1 @@
+"""What comes in over wires while it happens: ports, raw logs, lines, the SAIL host, session files."""

@@ -1,0 +1,102 @@
+"""Positions and ranges from a port of NMEA or deck-unit lines, kept as they come, for an app that looks now and then.
+
+feed = NavigationFeed(open_port("udp:10110"), file, RawLog(Path("raw"), "gps"))
+feed.start()
+feed.poll(), feed.status
+one_clock(periods, feed.heard(), sample_interval_s)
+feed.stop()
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import dataclass
+
+from trackerlib.live.line_reader import LineReader, ReaderStatus, TimedLine
+from trackerlib.live.navigation_stream import KEPT, DeckUnitRange, Fix, NavigationStream
+from trackerlib.live.ports import Port
+from trackerlib.live.raw_log import RawLog
+from trackerlib.live.session_file import SessionFile
+
+NEWS = 20_000  # fixes and ranges for an app that does not fetch them, the oldest dropped first
+PAUSE_S = 0.05
+
+
+@dataclass(frozen=True)
+class FeedStatus:
+    """How a feed is doing, for a person."""
+
+    reader: ReaderStatus
+    positions: int
+    refused: tuple[tuple[str, int], ...]  # why sentences gave nothing, and how often
+    last_refused: str  # the latest in full
+
+
+class NavigationFeed:
+    """Reads a port in one thread and makes sense of its lines in another, so that neither waits for the app."""
+
+    def __init__(
+        self,
+        port: Port,
+        file: SessionFile | None = None,
+        raw_log: RawLog | None = None,
+        checksum_required: bool = True,
+    ):
+        self.file = file
+        keep_raw = None if file is None else lambda data, utc_s: file.add_raw(port.name, utc_s, data)
+        self._reader = LineReader(port, raw_log, also=keep_raw)
+        self._stream = NavigationStream(checksum_required)
+        self._heard: deque[tuple[float, Fix]] = deque(maxlen=KEPT)
+        self._news: deque[Fix | DeckUnitRange] = deque(maxlen=NEWS)
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Starts reading; nothing if it already does."""
+        if self._thread is None or not self._thread.is_alive():
+            self._stop.clear()
+            self._reader.start()
+            self._thread = threading.Thread(target=self._run, name="navigation", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Stops reading, after the last line that has come."""
+        self._reader.stop()
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join(5)
+            self._thread = None
+
+    def poll(self) -> tuple[Fix | DeckUnitRange, ...]:
+        """What came since the last call."""
+        return tuple(self._news.popleft() for _ in range(len(self._news)))
+
+    def heard(self) -> tuple[tuple[float, Fix], ...]:
+        """All positions kept, each with when it was heard by the host's clock [s]."""
+        with self._lock:
+            return tuple(self._heard)
+
+    @property
+    def status(self) -> FeedStatus:
+        """How it is doing."""
+        with self._lock:
+            refused = tuple(self._stream.refused.most_common())
+            return FeedStatus(self._reader.status, len(self._heard), refused, self._stream.last_refused)
+
+    def _run(self) -> None:
+        while not self._stop.wait(PAUSE_S):
+            self._take(self._reader.drain())
+        self._take(self._reader.drain())
+
+    def _take(self, lines: list[TimedLine]) -> None:
+        for line in lines:
+            with self._lock:
+                found = self._stream.feed(line.text, line.utc_s)
+                if isinstance(found, Fix):
+                    self._heard.append((line.utc_s, found))
+            if found is not None:
+                self._news.append(found)
+            if isinstance(found, Fix) and self.file is not None:
+                self.file.add_fix(line.utc_s, found)
