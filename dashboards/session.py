@@ -183,8 +183,9 @@ class Session(param.Parameterized):
             )
         kind = binary_kind(content)
         if kind is not None:
-            self.param.update(**{kind: SoundFile(name, self._kept(name, content))})
+            kept = SoundFile(name, self._kept(name, content))
             self.say(f"{name}: open in the tab Wet-paper chart")
+            self.param.update(**{kind: kept})
             return
         openers = {
             "session": self._open_session,

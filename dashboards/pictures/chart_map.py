@@ -6,8 +6,8 @@ import numpy as np
 from bokeh.models import ColumnDataSource
 
 from dashboards.palette import ESTIMATE, SECOND_ARRAY, SHIP, TRUTH
-from dashboards.pictures.bearing_layer import BearingLayer
 from dashboards.pictures.beacon_map import ellipse_ring
+from dashboards.pictures.bearing_layer import BearingLayer
 from dashboards.pictures.legend import legend_entry, style_legend
 from dashboards.pictures.mercator import map_figure, mercator, show_box
 from trackerlib.beacon.result import BeaconFix

@@ -23,7 +23,8 @@ def from_mercator(x, y) -> tuple[np.ndarray, np.ndarray]:
 
 # Untouched, the home box fills the frame; once zoomed, a resize keeps scale and centre.
 _EQUAL_SCALE = """
-const W = fig.inner_width, H = fig.inner_height;
+let W, H;
+try { W = fig.inner_width; H = fig.inner_height; } catch { return; }  // not laid out yet
 if (!(W > 0 && H > 0)) return;
 const stretched = JSON.stringify(home_box.tags);
 if (home_box.tags[4]) {  // both axes fill the frame, until the home box is another

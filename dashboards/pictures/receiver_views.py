@@ -46,8 +46,12 @@ class FrontEndView:
         dashes = ("dashed", "dotted", "dotdash")
         for k, (label, dash) in enumerate(zip(STAGES, dashes, strict=True)):
             fig.line("khz", f"stage{k}", source=self.source, color=SHIP, line_dash=dash, legend_label=label)
-        dots = fig.scatter("khz", "gain", source=self.steps, color=SECOND_ARRAY, size=6, legend_label="attenuator")
-        fig.add_tools(HoverTool(renderers=[dots], tooltips=[("attenuator", "@step dB"), ("gain", "@gain{0.0} dB")]))
+        dots = fig.scatter(
+            "khz", "gain", source=self.steps, color=SECOND_ARRAY, size=6, legend_label="attenuator"
+        )
+        fig.add_tools(
+            HoverTool(renderers=[dots], tooltips=[("attenuator", "@step dB"), ("gain", "@gain{0.0} dB")])
+        )
         _legend(fig)
 
     def show(self, design: FrontEnd) -> None:
@@ -61,7 +65,8 @@ class FrontEndView:
         }
         steps = [step for step in ATTENUATIONS_DB if step]
         gain = [
-            float(design.gain_db(design.carrier_hz, shunt_for(design.third.series_ohm, step))) for step in steps
+            float(design.gain_db(design.carrier_hz, shunt_for(design.third.series_ohm, step)))
+            for step in steps
         ]
         khz = design.carrier_hz / 1e3
         self.steps.data = {"khz": [khz] * len(steps), "gain": gain, "step": steps}
@@ -75,11 +80,18 @@ class DetectionView:
             "detection", "false alarms, a cell", "misses", x_axis_type="log", y_range=Range1d(-0.02, 1.02)
         )
         self.theory = ColumnDataSource({"xs": [], "ys": [], "ink": [], "snr": []}, name="detection theory")
-        self.found = ColumnDataSource({name: [] for name in ("x", "y", "ink", "snr", "threshold")}, name="detection")
+        self.found = ColumnDataSource(
+            {name: [] for name in ("x", "y", "ink", "snr", "threshold")}, name="detection"
+        )
         self.alarms = ColumnDataSource({"x": [], "y": []}, name="false alarms")
         fig.multi_line("xs", "ys", source=self.theory, color="ink", line_width=1.5)
         dots = fig.scatter("x", "y", source=self.found, color="ink", size=6, legend_field="snr")
-        tips = [("SNR", "@snr"), ("false alarms", "@x{0.0e}"), ("misses", "@y{0.000}"), ("power over noise", "@threshold{0.0}")]
+        tips = [
+            ("SNR", "@snr"),
+            ("false alarms", "@x{0.0e}"),
+            ("misses", "@y{0.000}"),
+            ("power over noise", "@threshold{0.0}"),
+        ]
         fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
         _legend(fig, "top_right")
 
@@ -108,7 +120,9 @@ class PassView:
         self.source = ColumnDataSource({"line": [], "residual_ms": []}, name="pass residuals")
         dots = fig.scatter("line", "residual_ms", source=self.source, size=5, color=ESTIMATE)
         fig.add_layout(Span(location=0, dimension="width", line_color=SHIP))
-        fig.add_tools(HoverTool(renderers=[dots], tooltips=[("line", "@line"), ("residual", "@residual_ms{0.00} ms")]))
+        fig.add_tools(
+            HoverTool(renderers=[dots], tooltips=[("line", "@line"), ("residual", "@residual_ms{0.00} ms")])
+        )
 
     def show(self, line, residual_s) -> None:
         """Residuals (M,) at lines (M,)."""

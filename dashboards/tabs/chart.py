@@ -1,16 +1,15 @@
-"""Tab "Wet-paper chart": arrivals folded at an interval as the old recorder drew them, from a log, sound or the line."""
+"""Tab "Wet-paper chart": arrivals folded as the old recorder drew them, from a log, from sound or from the line."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import panel as pn
 from bokeh.events import SelectionGeometry, Tap
+from panel_splitjs import Split
 
-from dashboards.jobs import Cancelled
 from dashboards.pictures.chart_map import ChartMap
 from dashboards.pictures.line_strip import LineStrip
 from dashboards.pictures.wet_paper import WetPaper
@@ -26,9 +25,11 @@ from dashboards.tabs.chart_controls import (
     ChartControls,
 )
 from dashboards.tabs.chart_export import ChartFiles, OnPaper, arrivals_text
+from dashboards.tabs.chart_inputs import Inputs
 from dashboards.tabs.chart_live import LiveReceiver
 from dashboards.tabs.chart_marks import TraceMarks
-from dashboards.tabs.chart_sources import RecordedSound, SimulatedHuntSound, SoundSource, stored_hunt
+from dashboards.tabs.chart_sources import SoundSource
+from dashboards.tabs.chart_trace import TraceActions
 from dashboards.tabs.chart_words import (
     LOG_HOLDS_TIMES,
     bearing_words,
@@ -37,17 +38,12 @@ from dashboards.tabs.chart_words import (
     receiver_words,
 )
 from dashboards.tabs.tab import Tab, alone, drawn, heading
-from panel_splitjs import Split
-from trackerlib.beacon.pings import Pings
 from trackerlib.exports.paper_print import PaperPrint
 from trackerlib.receiver.chart import left_edge
-from trackerlib.receiver.following import PingFollower
-from trackerlib.receiver.hyperbola import Marks
 from trackerlib.receiver.rolls import PingRoll, Roll
 from trackerlib.textfiles import InputError
 
 PATCH_AT_MOST = 200  # more new lines than this are sent as whole strips
-EMULATOR_RATE = 20.0  # of an emulator started here, unless told
 EMPTY = {
     SURVEY: "<b>No survey is open.</b> File, Open… reads a survey log or pings as CSV.",
     RECORDING: "<b>No recording is open.</b> Name one on this machine, or File, Open… takes WAV, RF64 and FLAC.",
@@ -58,7 +54,7 @@ EMPTY = {
 WORDS = {"sizing_mode": "stretch_width", "margin": (4, 10), "styles": {"font-size": "13px"}}
 
 
-class ChartTab(Tab):
+class ChartTab(Inputs, TraceActions, Tab):
     """Paper that scrolls with what is heard."""
 
     title = "Wet-paper chart"
@@ -108,7 +104,9 @@ class ChartTab(Tab):
             sizing_mode="stretch_both",
             margin=0,
         )
-        return Split(paper, self.beside.panel(), orientation="vertical", sizes=(74, 26), sizing_mode="stretch_both")
+        return Split(
+            paper, self.beside.panel(), orientation="vertical", sizes=(74, 26), sizing_mode="stretch_both"
+        )
 
     def answer(self):
         return pn.Column(
@@ -274,7 +272,9 @@ class ChartTab(Tab):
             lost, times = roll.pings.number[row], roll.pings.arrival_s[row]
             line, folded = row, roll.placed(self.settings)[2][row]
         else:
-            number, arrival_s = self.live.followed if self.kind == RECEIVER else self._accepted.get(self.kind, ([], []))
+            number, arrival_s = (
+                self.live.followed if self.kind == RECEIVER else self._accepted.get(self.kind, ([], []))
+            )
             there = np.isin(number, lost)
             times, lost = np.asarray(arrival_s)[there], np.asarray(number)[there]
             line, folded = roll.where(self.settings, times)
@@ -308,12 +308,17 @@ class ChartTab(Tab):
             notes = self.sound.notes[1:] if self.sound is not None else []
             if isinstance(roll, PingRoll):
                 notes = [LOG_HOLDS_TIMES]
-            text += "".join(f"<br>{note[0].upper()}{note[1:]}." if note[-1] != "." else f"<br><br>{note}" for note in notes)
+            text += "".join(
+                f"<br>{note[0].upper()}{note[1:]}." if note[-1] != "." else f"<br><br>{note}"
+                for note in notes
+            )
         self.words.object = text
         self.status_words.visible = self.kind == RECEIVER
         if self.kind == RECEIVER:
             kept = "" if self.live.file is None or status is None else str(self.live.file)
-            self.status_words.object = receiver_words(status, len(self.live.followed[0]), self.live.unplaced, kept)
+            self.status_words.object = receiver_words(
+                status, len(self.live.followed[0]), self.live.unplaced, kept
+            )
         self.pass_words.object = pass_words(self.marks.found, len(self.marks.marks), self._when())
         self.bearing_words.object = bearing_words(self.map.bearings.fix, len(session.bearing_lines))
 
@@ -369,156 +374,6 @@ class ChartTab(Tab):
                 self._draw_left_out()
                 self.map.frame()
                 self._tell()
-
-    # -- sources -------------------------------------------------------------------------------
-
-    def _choose_source(self) -> None:
-        self.controls_.show_source()
-        self._strip_pane.visible = self.kind != SURVEY
-        self.roll, self.sound = self._rolls.get(self.kind), self._sounds.get(self.kind)
-        self._clock_s, self._running = math.inf, False
-        self.session.chart_marks = ()
-        if self.kind == SURVEY:
-            self._show_survey()
-        if self.kind == RECEIVER:
-            self.roll = self.live.roll
-        self._redraw()
-
-    def _redraw(self) -> None:
-        self._draw(again=True)
-        self._draw_left_out()
-        self._show_marks()
-        self.map.frame()
-        self._tell()
-
-    def _show_as(self, kind: str) -> None:
-        """Turns the source's menu to a kind, without what follows a person's doing so."""
-        self._quiet = True
-        self.controls_.source.value = kind
-        self._quiet = False
-        self._choose_source()
-
-    def _open_recording(self, path: Path, name: str | None = None) -> None:
-        if str(path) in ("", "."):
-            raise InputError("name a recording on this machine, or use File, Open…")
-        sound = RecordedSound(path, name)
-        self._sounds[RECORDING] = sound
-        self._show_as(RECORDING)
-        self._hear_again()
-
-    def _simulate(self) -> None:
-        c = self.controls_
-        seed, sea_state = c.seed.value or 0, c.sea_state.value
-
-        def done(sound):
-            self._sounds[SIMULATION] = sound
-            self._show_as(SIMULATION)
-            self._try(self._hear_again)
-
-        self.session.jobs.start("Simulate", lambda progress: SimulatedHuntSound(seed, sea_state), done)
-
-    def _hear_again(self) -> None:
-        """Hears the sound from its beginning, off the event loop; lines come as they are heard."""
-        sound = self._sounds.get(self.kind)
-        if sound is None:
-            return
-        settings, detector = self.controls_.receiver_settings(), self.controls_.detector.value
-        roll = sound.new_roll(settings)
-        self.roll, self.sound = roll, sound
-        self._rolls[self.kind] = roll
-        self._hearing += 1
-        mine, self._clock_s, self._running = self._hearing, math.inf, False
-        self._redraw()
-
-        def work(progress):
-            def told(share, text):
-                if self._hearing != mine:
-                    raise Cancelled
-                progress(share, text)
-
-            try:
-                return sound.listen(detector, settings, roll, told)
-            except ValueError as error:
-                raise error if isinstance(error, InputError) else InputError(f"{sound.name}: {error}") from None
-
-        def done(heard):
-            if self.roll is heard:
-                self._draw()
-                self.map.frame()
-                self._tell()
-                label = "SIMULATED sound" if sound.simulated else "recording"
-                self.session.say("; ".join([f"{sound.name}: {label}, {heard.until_s:.0f} s heard", *sound.notes[1:]]))
-
-        self.session.jobs.start("Hear", work, done)
-
-    def _open_stored(self, path: Path, name: str | None = None) -> None:
-        if str(path) in ("", "."):
-            raise InputError("name a stored session on this machine, or use File, Open…")
-
-        def done(found):
-            self._rolls[STORED], settings = found
-            self._show_as(STORED)
-            self.session.say(
-                f"{found[0].source}: {len(np.unique(found[0].arrivals.period))} periods, "
-                f"{len(found[0].fixes.time_s)} positions, by {settings.get('port', 'an unknown port')}"
-            )
-
-        self.session.jobs.start("Open", lambda progress: stored_hunt(path, name or path.name), done)
-
-    def _emulate(self) -> None:
-        c = self.controls_
-        if self.live.emulator is not None:
-            self.live.disconnect()
-            self.live.stop_emulator()
-            self.session.say("The emulator has stopped")
-            self._tell()
-            return
-        rate = c.rate.value if (c.rate.value or 1.0) != 1.0 else EMULATOR_RATE
-        emulator = self.live.emulate(c.scenario.value, rate, c.emulator_port.value or 0)
-        c.rate.value = rate
-        c.address.value = emulator.line.address
-        self.session.say(
-            f"SIMULATED receiver and GPS at {emulator.line.address}, {rate:g} times as fast as time; press Connect"
-        )
-        self._tell()
-
-    def _connect(self) -> None:
-        c = self.controls_
-        if self.live.receiver is not None:
-            self.live.disconnect()
-            self.session.say("Disconnected; what was heard stays")
-            self._tell()
-            return
-        self.live.threshold, self.live.feeding = self.threshold, c.feed.value
-        self.live.connect(c.address.value, c.line_settings(), self.session.fold_s, c.rate.value or 1.0, c.folder.value)
-        self.roll = self._rolls[RECEIVER] = self.live.roll
-        self._redraw()
-
-    # -- the receiver's menus ------------------------------------------------------------------
-
-    def _tell_receiver(self) -> None:
-        parameters = self.controls_.parameters()
-        if self.live.receiver is not None and self.kind == RECEIVER:
-            self.live.receiver.set_parameters(parameters)
-            self.session.say("The receiver is told as soon as its line is free; sampling then begins anew")
-        else:
-            self._hear_again()
-
-    def _change_attenuator(self) -> None:
-        if self.live.receiver is not None:
-            self.live.receiver.set_attenuation(self.controls_.attenuation)
-        if self.kind != RECEIVER:
-            self._hear_again()
-
-    def _change_baud(self) -> None:
-        if self.live.receiver is not None:
-            self.live.receiver.set_baud(self.controls_.baud.value)
-
-    def _type(self, text: str) -> None:
-        if self.live.receiver is None:
-            self.session.say("No receiver is connected; choose the source Receiver on its line, and connect")
-            return
-        self.live.receiver.type(text.encode("ascii", "replace"))
 
     # -- the paper -----------------------------------------------------------------------------
 
@@ -601,108 +456,21 @@ class ChartTab(Tab):
             self._draw()
         self._tell()
 
-    # -- marks, hyperbola, fix -----------------------------------------------------------------
-
-    def _tapped(self, x: float, y: float) -> None:
-        if self.roll is None or x is None:
-            return
-        self.marks.click(self.roll, self.settings, y, x, self.threshold)
-        if 0 <= y < self._stop():
-            lat, lon = self.roll.ship(np.atleast_1d(self.roll.line_time(self.settings, int(y))))
-            self.session.pointed = (float(lat[0]), float(lon[0])) if np.isfinite(lat[0]) else None
-
-    def _dragged(self) -> None:
-        source = self.paper.arrivals
-        chosen = [k for k in source.selected.indices if k < len(source.data["row"])]
-        if chosen and self.roll is not None:
-            source.selected.indices = []
-            self.marks.choose(self.roll, self.settings, np.asarray(source.data["row"])[chosen])
-
-    def _fit(self) -> None:
-        if self.roll is None:
-            raise InputError("there is no trace yet")
-        settings = self._known_settings()
-        self.marks.fit(
-            self.roll,
-            self.settings,
-            settings.sound_speed_mps,
-            settings.speed_sigma_mps,
-            1e-6 * (self.controls_.clock_sigma.value or 0.0),
-        )
-        self._show_marks()
-        self._tell()
-
-    def _keep_line(self) -> None:
-        found = self.marks.found
-        if found is None or found.line is None:
-            raise InputError("mark a trace and press Hyperbola first: the bearing line comes from it")
-        self.session.edit(bearing_lines=(*self.session.bearing_lines, found.line))
-        self.session.say("The bearing line is on the map beside and in the tab Beacon fix; Undo takes it back")
-
-    def _known_settings(self):
-        """Settings of a fix, with what is known of simulated water."""
-        settings = self.session.fix_settings
-        if isinstance(self.sound, SimulatedHuntSound) and self.kind == SIMULATION:
-            hunt = self.sound.hunt
-            settings = replace(
-                settings, profile=None, sound_speed_mps=hunt.sound_speed_mps, gps_rms_m=hunt.gps_rms_m,
-                hydrophone_depth_m=hunt.hydrophone_depth_m, sample_interval_ms=1.0,
-            )  # fmt: skip
-        return settings
-
-    def _accept(self) -> None:
-        """The marked trace, or without marks the pinger followed through all arrivals, as pings of the beacon fix."""
-        if self.roll is None:
-            raise InputError("there is no trace yet")
-        if isinstance(self.roll, PingRoll):
-            raise InputError("a survey log's pings are in the beacon fix already")
-        if self.kind == RECEIVER and self.live.receiver is not None:
-            raise InputError("a connected receiver's pings go to the beacon fix as they come; disconnect first")
-        settings, interval_s = self._known_settings(), self.settings.interval_s
-        if self.marks.marks:
-            line, time_s, sigma = self.marks.times(self.roll, self.settings)
-            fold_s, nowhere = time_s - self.roll.time_of(self.settings, line, 0.0), np.zeros(len(line))
-            travel_s = Marks(line, fold_s, sigma, nowhere, nowhere, interval_s).unfolded_s()
-            emission = line
-        else:
-            followed = PingFollower(interval_s, self.threshold).feed(self.roll.arrivals)
-            if not followed:
-                raise InputError(
-                    f"no pings at about {interval_s:g} s can be followed through these arrivals; straighten the interval, "
-                    "change the threshold, or mark the trace"
-                )
-            emission = np.array([ping.emission for ping in followed])
-            time_s = np.array([ping.arrival_s for ping in followed])
-            travel_s = time_s - emission * interval_s
-        lat, lon = self.roll.ship(time_s)
-        known = np.isfinite(lat)
-        if known.sum() < 3:
-            raise InputError("where the ship was is not known for three of these arrivals, so they cannot make a fix")
-        number = emission[known] + 1
-        pings = Pings(
-            number, lat[known], lon[known], np.full(known.sum(), -settings.hydrophone_depth_m), travel_s[known],
-            np.full(known.sum(), np.datetime64("NaT", "ms")), clock_s=emission[known] * interval_s,
-            source=self.roll.source, simulated=self.roll.simulated,
-        )  # fmt: skip
-        self._accepted[self.kind] = (number, time_s[known])
-        with pn.io.hold():
-            if settings is not self.session.fix_settings:
-                self.session.fix_settings = settings
-            self.session.take_pings(
-                pings,
-                f"{len(pings)} arrivals of {self.roll.source} are the pings of the tab Beacon fix",
-                self.sound.truth if self.sound is not None else None,
-            )
-
     # -- export --------------------------------------------------------------------------------
 
     def _on_paper(self) -> OnPaper | None:
         if self.roll is None or self.paper.count == self.paper.first:
             return None
         c, marks = self.controls_, self.marks.marks
-        words = [f"left edge {self.settings.offset_s:g} s", f"look {c.look.value}, contrast {c.contrast.value:g}"]
+        words = [
+            f"left edge {self.settings.offset_s:g} s",
+            f"look {c.look.value}, contrast {c.contrast.value:g}",
+        ]
         if self.kind != SURVEY:
-            words += [f"threshold {self.threshold:g}", f"detector {c.detector.value}" if self.sound else "the receiver's"]
+            words += [
+                f"threshold {self.threshold:g}",
+                f"detector {c.detector.value}" if self.sound else "the receiver's",
+            ]
         curve = self.marks.curve(self.roll, self.settings)
         paper = PaperPrint(
             np.minimum(self.paper.shown() * c.contrast.value, 255).astype(np.uint8),

@@ -136,9 +136,17 @@ class Beside:
 
     def _make_front_end(self) -> None:
         defaults = FrontEnd()
-        self.carrier = number("Carrier (Hz)", defaults.carrier_hz, "The two stages are tuned to it; 10 kHz unless told", step=100.0)
+        self.carrier = number(
+            "Carrier (Hz)",
+            defaults.carrier_hz,
+            "The two stages are tuned to it; 10 kHz unless told",
+            step=100.0,
+        )
         self.bandwidth = number(
-            "Bandwidth (Hz)", defaults.bandwidth_hz, "Between −3 dB points of both stages; 120 Hz was measured", step=10.0
+            "Bandwidth (Hz)",
+            defaults.bandwidth_hz,
+            "Between −3 dB points of both stages; 120 Hz was measured",
+            step=10.0,
         )
         self.design_words = pn.pane.HTML(styles={"font-size": "12px"}, margin=(4, 8))
         for widget in (self.carrier, self.bandwidth):
@@ -147,7 +155,9 @@ class Beside:
     def _design(self) -> None:
         carrier, bandwidth = self.carrier.value or 0.0, self.bandwidth.value or 0.0
         if not (1000 <= carrier <= 100_000 and 1 <= bandwidth <= 10_000):
-            self.session.report(InputError("a carrier of 1 to 100 kHz and a bandwidth of 1 to 10,000 Hz are wanted"))
+            self.session.report(
+                InputError("a carrier of 1 to 100 kHz and a bandwidth of 1 to 10,000 Hz are wanted")
+            )
             return
         design = FrontEnd(carrier_hz=carrier, bandwidth_hz=bandwidth)
         self.front_end.show(design)
@@ -168,5 +178,7 @@ def design_words(design: FrontEnd) -> str:
         "noise by the report's meter": f"{1e9 * noise:.1f} nV/√Hz (it prints 31)",
         "compressor's span": f"{dynamic_range_db():.0f} dB",
     }
-    cells = "".join(f"<tr><td style='padding-right:8px'>{name}</td><td>{text}</td></tr>" for name, text in rows.items())
+    cells = "".join(
+        f"<tr><td style='padding-right:8px'>{name}</td><td>{text}</td></tr>" for name, text in rows.items()
+    )
     return f"<b>At {hz / 1e3:g} kHz</b><table>{cells}</table>"

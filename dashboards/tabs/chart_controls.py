@@ -70,7 +70,10 @@ class ChartControls:
             SURVEY: pn.Column(margin=0),
             RECORDING: pn.Column(self.path, self.open_path, margin=0),
             SIMULATION: pn.Column(
-                pn.Row(self.seed, self.sea_state, margin=0), self.simulate, margin=0, sizing_mode="stretch_width"
+                pn.Row(self.seed, self.sea_state, margin=0),
+                self.simulate,
+                margin=0,
+                sizing_mode="stretch_width",
             ),
             RECEIVER: pn.Column(self.address, pn.Row(self.connect, self.emulate, margin=0), margin=0),
             STORED: pn.Column(self.stored, self.open_stored, margin=0),
@@ -108,10 +111,18 @@ class ChartControls:
             sizing_mode="stretch_width", margin=(0, 14),
         )  # fmt: skip
         self.left_edge = number(
-            "Left edge (s)", defaults.offset_s, "Arrival time that falls on the left edge of the paper", step=0.01
+            "Left edge (s)",
+            defaults.offset_s,
+            "Arrival time that falls on the left edge of the paper",
+            step=0.01,
         )
         self.history = number(
-            "Lines kept", 1000, "Lines of paper that can be scrolled back to, 500 to 2000", start=500, end=2000, step=500
+            "Lines kept",
+            1000,
+            "Lines of paper that can be scrolled back to, 500 to 2000",
+            start=500,
+            end=2000,
+            step=500,
         )
 
     def _make_receiver(self) -> None:
@@ -119,32 +130,58 @@ class ChartControls:
         self.attenuator = choice(
             "Attenuator (dB)", {"auto": "auto", **{str(db): db for db in ATTENUATIONS_DB}}, "auto"
         )
-        self.maxima = number("Maxima a period", defaults.maxima, "Arrivals kept of each period", start=1, end=100)
+        self.maxima = number(
+            "Maxima a period", defaults.maxima, "Arrivals kept of each period", start=1, end=100
+        )
         self.window = number(
-            "Window (samples)", defaults.window_samples, "No two arrivals of a period lie closer; 20 unless told", start=1
+            "Window (samples)",
+            defaults.window_samples,
+            "No two arrivals of a period lie closer; 20 unless told",
+            start=1,
         )
         self.period = number(
-            "Period (samples)", defaults.period_samples, "Whole samples of the receiver's clock; 2000 unless told", start=2
+            "Period (samples)",
+            defaults.period_samples,
+            "Whole samples of the receiver's clock; 2000 unless told",
+            start=2,
         )
         self.sample = number(
-            "Sample interval (ms)", 1.0, "Calibrated; the original's crystal gives 1.0005", step=0.0001, format="0.0000"
+            "Sample interval (ms)",
+            1.0,
+            "Calibrated; the original's crystal gives 1.0005",
+            step=0.0001,
+            format="0.0000",
         )
         self.baud = choice("Baud", {str(rate): rate for rate in BAUD_RATES}, FIRST_BAUD)
         self.send = _button("Tell the receiver")
-        self.feed = pmui.Checkbox(label="Arrivals feed the beacon fix", value=True, size="small", margin=(2, 8))
-        self.folder = _path("Keep the hunt in", "Folder for the session file and every raw byte; empty keeps nothing")
+        self.feed = pmui.Checkbox(
+            label="Arrivals feed the beacon fix", value=True, size="small", margin=(2, 8)
+        )
+        self.folder = _path(
+            "Keep the hunt in", "Folder for the session file and every raw byte; empty keeps nothing"
+        )
         self.folder.value = HUNTS
         self.scenario = choice("Emulated beacon: scenario", {str(k): k for k in SCENARIOS}, 2)
         self.rate = number(
-            "Receiver's time against ours", 1.0, "1 for a real receiver; the emulator may run faster", start=1.0, end=100.0
+            "Receiver's time against ours",
+            1.0,
+            "1 for a real receiver; the emulator may run faster",
+            start=1.0,
+            end=100.0,
         )
         self.emulator_port = number("Emulator's TCP port", 0, "0 takes a free one", start=0, end=65535)
 
     def _make_sound(self) -> None:
         defaults = ReceiverSettings()
-        self.detector = choice("Detector", {"the report's receiver": "report", "modern matched filter": "modern"}, "report")
-        self.carrier = number("Carrier (Hz)", defaults.carrier_hz, "Of the pinger; 10 kHz unless told", step=100.0)
-        self.pulse = number("Pulse (ms)", 1e3 * defaults.pulse_s, "Length of a pulse; 10 ms unless told", step=1.0)
+        self.detector = choice(
+            "Detector", {"the report's receiver": "report", "modern matched filter": "modern"}, "report"
+        )
+        self.carrier = number(
+            "Carrier (Hz)", defaults.carrier_hz, "Of the pinger; 10 kHz unless told", step=100.0
+        )
+        self.pulse = number(
+            "Pulse (ms)", 1e3 * defaults.pulse_s, "Length of a pulse; 10 ms unless told", step=1.0
+        )
 
     def _make_hyperbola(self) -> None:
         self.fit, self.accept = _button("Hyperbola", variant="contained"), _button("Accept trace")
@@ -168,7 +205,9 @@ class ChartControls:
             self.threshold,
             pn.Row(self.look, self.contrast, margin=0, sizing_mode="stretch_width"),
             pn.Column(
-                pn.Row(self.fit, self.keep_line, margin=0), pn.Row(self.accept, self.unmark, margin=0), margin=0
+                pn.Row(self.fit, self.keep_line, margin=0),
+                pn.Row(self.accept, self.unmark, margin=0),
+                margin=0,
             ),
         ]
 

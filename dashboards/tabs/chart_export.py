@@ -1,4 +1,4 @@
-"""What leaves the chart: the paper as PNG and PDF, arrivals as CSV, an excerpt of the sound, the folded signal to hear."""
+"""What leaves the chart: the paper as PNG and PDF, arrivals as CSV, a piece of the sound, the folded signal."""
 
 from __future__ import annotations
 
@@ -40,13 +40,21 @@ class ChartFiles:
     def __init__(self, session: Session, shown: Callable[[], OnPaper | None]):
         self.session, self._shown = session, shown
         small = {"size": "small", "margin": (4, 4)}
-        self.png = pmui.FileDownload(label="PNG", callback=lambda: self._paper("png"), filename="paper.png", **small)
-        self.pdf = pmui.FileDownload(label="PDF", callback=lambda: self._paper("pdf"), filename="paper.pdf", **small)
+        self.png = pmui.FileDownload(
+            label="PNG", callback=lambda: self._paper("png"), filename="paper.png", **small
+        )
+        self.pdf = pmui.FileDownload(
+            label="PDF", callback=lambda: self._paper("pdf"), filename="paper.pdf", **small
+        )
         self.csv = pmui.FileDownload(label="CSV", callback=self._arrivals, filename="arrivals.csv", **small)
         self.wav = pmui.FileDownload(label="WAV", callback=self._excerpt, filename="excerpt.wav", **small)
-        self.from_s = number("Excerpt from (s)", 0.0, "First second of the WAV excerpt, from the sound's beginning")
+        self.from_s = number(
+            "Excerpt from (s)", 0.0, "First second of the WAV excerpt, from the sound's beginning"
+        )
         self.for_s = number("for (s)", 10.0, "Length of the WAV excerpt, at most 60 s", start=0.1, end=60.0)
-        self.hear = pmui.Button(label="Hear the folded signal", size="small", variant="outlined", margin=(4, 8))
+        self.hear = pmui.Button(
+            label="Hear the folded signal", size="small", variant="outlined", margin=(4, 8)
+        )
         self.hear.on_click(lambda event: self._play())
         self.audio = pn.pane.Audio(None, visible=False, margin=(2, 8), sizing_mode="stretch_width", name="")
 
@@ -121,7 +129,7 @@ def excerpt(shown: OnPaper, first_s: float, length_s: float) -> bytes:
 
 
 def folded_signal(paper: PaperPrint) -> np.ndarray:
-    """The newest lines, averaged, as the loudness of a tone (K,) int16 at TONE_RATE_HZ: what keeps its place is heard."""
+    """The newest lines averaged, as the loudness of a tone (K,) int16 at TONE_RATE_HZ: what stays put is heard."""
     level = paper.lines[-HEARD_LINES:].mean(axis=0)
     time_s = np.arange(int(paper.interval_s * TONE_RATE_HZ)) / TONE_RATE_HZ
     column = np.minimum((time_s / paper.interval_s * len(level)).astype(int), len(level) - 1)

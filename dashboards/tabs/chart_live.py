@@ -16,8 +16,8 @@ from trackerlib.beacon.navigation import NavigationFixes, ship_at_receptions
 from trackerlib.beacon.pings import Ping
 from trackerlib.live.ports import PortError, open_port
 from trackerlib.live.raw_log import RawLog
-from trackerlib.live.receiver_session import ReceiverSession, SessionStatus, WallClock
 from trackerlib.live.receiver_poller import PollingSettings
+from trackerlib.live.receiver_session import ReceiverSession, SessionStatus, WallClock
 from trackerlib.live.session_file import SessionFile
 from trackerlib.receiver.following import FollowedPing, PingFollower
 from trackerlib.receiver.recording import SIMULATED
@@ -110,7 +110,9 @@ class LiveReceiver:
             self.emulator.line.stop()
             self.emulator = None
 
-    def connect(self, where: str, settings: PollingSettings, interval_s: float, rate: float, folder: str) -> None:
+    def connect(
+        self, where: str, settings: PollingSettings, interval_s: float, rate: float, folder: str
+    ) -> None:
         """Begins to poll a receiver. Raises InputError for an address, folder or setting that makes no sense.
 
         interval_s : of the pinger; rate : of the receiver's time against ours, 1 but for emulators
@@ -244,7 +246,8 @@ class LiveReceiver:
         fixes = self.roll.fixes
         near = fixes.time_s > times.min() - PATIENCE_S
         ship = ship_at_receptions(
-            NavigationFixes(*(c[near] for c in (fixes.time_s, fixes.lat_deg, fixes.lon_deg, fixes.hdop))), times
+            NavigationFixes(*(c[near] for c in (fixes.time_s, fixes.lat_deg, fixes.lon_deg, fixes.hdop))),
+            times,
         )
         still = []
         for k, ping in enumerate(following.waiting):

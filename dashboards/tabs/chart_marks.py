@@ -34,7 +34,9 @@ class TraceMarks:
         """The marks, in order of line."""
         return self.session.chart_marks
 
-    def click(self, roll: Roll, settings: ChartSettings, line: float, fold_s: float, threshold: float) -> None:
+    def click(
+        self, roll: Roll, settings: ChartSettings, line: float, fold_s: float, threshold: float
+    ) -> None:
         """Marks the arrival nearest to a click, or the place itself; a mark that is there goes."""
         near = SNAP_COLUMNS * settings.interval_s / settings.columns
         for mark in self.marks:
@@ -101,9 +103,11 @@ class TraceMarks:
 
     @staticmethod
     def train(roll: Roll, settings: ChartSettings, threshold: float) -> Train:
-        """The longest train of arrivals about the fold interval; its rows are the roll's. Raises ValueError where there is none."""
+        """The longest train about the fold interval; its rows are the roll's. Raises ValueError where there is none."""
         rows = ping_rows(roll.arrivals, threshold)
-        shortest, longest = (settings.interval_s * (1 + off) for off in (-STRAIGHTEN_WITHIN, STRAIGHTEN_WITHIN))
+        shortest, longest = (
+            settings.interval_s * (1 + off) for off in (-STRAIGHTEN_WITHIN, STRAIGHTEN_WITHIN)
+        )
         trains = separate(
             roll.arrivals.arrival_s[rows], (shortest, longest), min(1e-3, settings.interval_s / 20)
         )

@@ -42,9 +42,7 @@ def receiver_words(status: SessionStatus | None, pings: int, unplaced: int, kept
             "<b>No receiver is connected.</b> Name its serial device or <code>tcp:HOST:PORT</code> and press Connect; "
             "or start the emulator, which is a simulated receiver with a GPS."
         )
-    attenuation = (
-        "not known" if not np.isfinite(status.attenuation_db) else f"{status.attenuation_db:.0f} dB"
-    )
+    attenuation = "not known" if not np.isfinite(status.attenuation_db) else f"{status.attenuation_db:.0f} dB"
     state = {"listening": "Listening", "waiting": "Waiting for the line", "stopped": "Stopped"}[status.state]
     words = [
         f"<b>{state}</b>: {status.periods} periods, {status.missed} missed, {status.uncertain} of unknown number; "

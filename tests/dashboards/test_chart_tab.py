@@ -74,7 +74,7 @@ def test_nudging_the_interval_folds_the_whole_paper_again(tab):
 
 
 def test_an_interval_that_makes_no_sense_is_told_and_changes_nothing(tab):
-    tab.interval.value = 0.0
+    tab.controls_.interval.value = 0.0
     assert tab.session.failed
     assert "interval_s is 0; wanted" in tab.session.message
     assert tab.settings.interval_s == 2.0
@@ -88,7 +88,7 @@ def test_pings_left_out_of_the_fix_are_struck_through(tab):
 
 def test_it_says_what_the_marks_are(tab):
     assert "holds times, not sound" in tab.words.object
-    assert "(simulated)" in tab.words.object
+    assert "SIMULATED" in tab.words.object
 
 
 def test_export_labels_simulated_data(tab):

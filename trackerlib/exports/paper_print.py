@@ -71,5 +71,7 @@ def print_paper(paper: PaperPrint, layout: str, now: datetime | None = None) -> 
     figure.text(MARGIN_IN / WIDTH_IN, above - 0.22 / whole, words, fontsize=7, parse_math=False)
     file = io.BytesIO()
     facts = {"Title": title, "Creator": f"tracker workbench {__version__}"}
+    if paper.simulated:
+        facts["Keywords"] = "SIMULATED"
     figure.savefig(file, format=layout, metadata=facts if layout == "pdf" else {"Title": title})
     return file.getvalue()

@@ -123,7 +123,9 @@ class ReceiverSession:
         self._state, self._words = "stopped", ""
         self._run, self._faults = runs, 0
         self._typed_to = RECEIVER
-        self._began_s = self._late_s = math.nan  # when the run began by the host's clock; how late positions come
+        self._began_s = self._late_s = (
+            math.nan
+        )  # when the run began by the host's clock; how late positions come
 
     @property
     def settings(self) -> PollingSettings:
@@ -290,9 +292,7 @@ class ReceiverSession:
                 self._periods.clear()
                 self._run, self._began_s = run, math.nan
             self._periods.append(period)
-            self._began_s = np.fmin(
-                self._began_s, receiver_start([period], self.settings.sample_interval_s)
-            )
+            self._began_s = np.fmin(self._began_s, receiver_start([period], self.settings.sample_interval_s))
         self._news.append((run, period))
         if self.file is not None:
             self.file.add_period(run, period)

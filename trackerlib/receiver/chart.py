@@ -106,9 +106,7 @@ def level_lines(
     across = np.arange(settings.columns + 1) / settings.columns
     lines, line = [], first
     while True:
-        edges = np.floor(left_edge(settings, line) / sample_interval_s + across * per_line + 1e-6).astype(
-            int
-        )
+        edges = np.floor(left_edge(settings, line) / sample_interval_s + across * per_line + 1e-6).astype(int)
         edges -= start
         if edges[-1] > len(levels):
             break

@@ -79,7 +79,6 @@ class PingFollower:
         self._last = ping
         return ping
 
-
     def _lost(self) -> bool:
         """Whether the train followed has ended, or has been silent for long."""
         if self._last is None or self._train not in self._tracker.interval_s:

@@ -108,7 +108,7 @@ def simulate_hunt_sound(
 def _legs() -> tuple[np.ndarray, np.ndarray]:
     """Where each leg begins (2, 2) and its unit vector (2, 2): north, then back past the beacon."""
     start = np.array([-ABEAM_M[0], -LEG_M / 2])
-    turn = start + [0.0, LEG_M]
+    turn = start + np.array([0.0, LEG_M])
     towards, off = np.arctan2(*-turn), np.arcsin(ABEAM_M[1] / np.linalg.norm(turn))
     bearing = towards - off
     return np.array([start, turn]), np.array([[0.0, 1.0], [np.sin(bearing), np.cos(bearing)]])

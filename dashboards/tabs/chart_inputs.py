@@ -1,0 +1,175 @@
+"""What the chart is drawn from: opening, simulating, hearing, connecting, and the receiver's own menus."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from dashboards.jobs import Cancelled
+from dashboards.tabs.chart_controls import RECEIVER, RECORDING, SIMULATION, STORED, SURVEY
+from dashboards.tabs.chart_sources import RecordedSound, SimulatedHuntSound, stored_hunt
+from trackerlib.textfiles import InputError
+
+EMULATOR_RATE = 20.0  # of an emulator started here, unless told
+
+
+class Inputs:
+    """The part of the tab that turns a person's choice of a source into a roll of paper."""
+
+    # -- sources -------------------------------------------------------------------------------
+
+    def _choose_source(self) -> None:
+        self.controls_.show_source()
+        self._strip_pane.visible = self.kind != SURVEY
+        self.roll, self.sound = self._rolls.get(self.kind), self._sounds.get(self.kind)
+        self._clock_s, self._running = math.inf, False
+        self.session.chart_marks = ()
+        if self.kind == SURVEY:
+            self._show_survey()
+        if self.kind == RECEIVER:
+            self.roll = self.live.roll
+        self._redraw()
+
+    def _redraw(self) -> None:
+        self._draw(again=True)
+        self._draw_left_out()
+        self._show_marks()
+        self.map.frame()
+        self._tell()
+
+    def _show_as(self, kind: str) -> None:
+        """Turns the source's menu to a kind, without what follows a person's doing so."""
+        self._quiet = True
+        self.controls_.source.value = kind
+        self._quiet = False
+        self._choose_source()
+
+    def _open_recording(self, path: Path, name: str | None = None) -> None:
+        if str(path) in ("", "."):
+            raise InputError("name a recording on this machine, or use File, Open…")
+        sound = RecordedSound(path, name)
+        self._sounds[RECORDING] = sound
+        self._show_as(RECORDING)
+        self._hear_again()
+
+    def _simulate(self) -> None:
+        c = self.controls_
+        seed, sea_state = c.seed.value or 0, c.sea_state.value
+
+        def done(sound):
+            self._sounds[SIMULATION] = sound
+            self._show_as(SIMULATION)
+            self._try(self._hear_again)
+
+        self.session.jobs.start("Simulate", lambda progress: SimulatedHuntSound(seed, sea_state), done)
+
+    def _hear_again(self) -> None:
+        """Hears the sound from its beginning, off the event loop; lines come as they are heard."""
+        sound = self._sounds.get(self.kind)
+        if sound is None:
+            return
+        settings, detector = self.controls_.receiver_settings(), self.controls_.detector.value
+        roll = sound.new_roll(settings)
+        self.roll, self.sound = roll, sound
+        self._rolls[self.kind] = roll
+        self._hearing += 1
+        mine, self._clock_s, self._running = self._hearing, math.inf, False
+        self._redraw()
+
+        def work(progress):
+            def told(share, text):
+                if self._hearing != mine:
+                    raise Cancelled
+                progress(share, text)
+
+            try:
+                return sound.listen(detector, settings, roll, told)
+            except ValueError as error:
+                raise (
+                    error if isinstance(error, InputError) else InputError(f"{sound.name}: {error}")
+                ) from None
+
+        def done(heard):
+            if self.roll is heard:
+                self._draw()
+                self.map.frame()
+                self._tell()
+                label = "SIMULATED sound" if sound.simulated else "recording"
+                self.session.say(
+                    "; ".join([f"{sound.name}: {label}, {heard.until_s:.0f} s heard", *sound.notes[1:]])
+                )
+
+        self.session.jobs.start("Hear", work, done)
+
+    def _open_stored(self, path: Path, name: str | None = None) -> None:
+        if str(path) in ("", "."):
+            raise InputError("name a stored session on this machine, or use File, Open…")
+
+        def done(found):
+            self._rolls[STORED], settings = found
+            self._show_as(STORED)
+            self.session.say(
+                f"{found[0].source}: {len(np.unique(found[0].arrivals.period))} periods, "
+                f"{len(found[0].fixes.time_s)} positions, by {settings.get('port', 'an unknown port')}"
+            )
+
+        self.session.jobs.start("Open", lambda progress: stored_hunt(path, name or path.name), done)
+
+    def _emulate(self) -> None:
+        c = self.controls_
+        if self.live.emulator is not None:
+            self.live.disconnect()
+            self.live.stop_emulator()
+            self.session.say("The emulator has stopped")
+            self._tell()
+            return
+        rate = c.rate.value if (c.rate.value or 1.0) != 1.0 else EMULATOR_RATE
+        emulator = self.live.emulate(c.scenario.value, rate, c.emulator_port.value or 0)
+        c.rate.value = rate
+        c.address.value = emulator.line.address
+        self.session.say(
+            f"SIMULATED receiver and GPS at {emulator.line.address}, {rate:g} times as fast as time; press Connect"
+        )
+        self._tell()
+
+    def _connect(self) -> None:
+        c = self.controls_
+        if self.live.receiver is not None:
+            self.live.disconnect()
+            self.session.say("Disconnected; what was heard stays")
+            self._tell()
+            return
+        self.live.threshold, self.live.feeding = self.threshold, c.feed.value
+        self.live.connect(
+            c.address.value, c.line_settings(), self.session.fold_s, c.rate.value or 1.0, c.folder.value
+        )
+        self.roll = self._rolls[RECEIVER] = self.live.roll
+        self._redraw()
+
+    # -- the receiver's menus ------------------------------------------------------------------
+
+    def _tell_receiver(self) -> None:
+        parameters = self.controls_.parameters()
+        if self.live.receiver is not None and self.kind == RECEIVER:
+            self.live.receiver.set_parameters(parameters)
+            self.session.say("The receiver is told as soon as its line is free; sampling then begins anew")
+        else:
+            self._hear_again()
+
+    def _change_attenuator(self) -> None:
+        if self.live.receiver is not None:
+            self.live.receiver.set_attenuation(self.controls_.attenuation)
+        if self.kind != RECEIVER:
+            self._hear_again()
+
+    def _change_baud(self) -> None:
+        if self.live.receiver is not None:
+            self.live.receiver.set_baud(self.controls_.baud.value)
+
+    def _type(self, text: str) -> None:
+        if self.live.receiver is None:
+            self.session.say("No receiver is connected; choose the source Receiver on its line, and connect")
+            return
+        self.live.receiver.type(text.encode("ascii", "replace"))

@@ -1,0 +1,125 @@
+"""The Wet-paper chart with a receiver on its line, without a browser: emulator, files, faults in words."""
+
+from __future__ import annotations
+
+import socket
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dashboards.session import Session
+from dashboards.tabs.chart import ChartTab
+
+RATE = 40.0
+
+
+@pytest.fixture
+def tab(tmp_path):
+    tab = ChartTab(session=Session())
+    tab.activate()
+    tab.controls_.source.value = "receiver"
+    tab.controls_.rate.value = RATE
+    tab.controls_.folder.value = str(tmp_path)
+    yield tab
+    tab.close()
+
+
+def until(tab, condition, seconds=30.0):
+    """Lets the page's clock tick until something is so."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        tab.tick(0.1)
+        tab.session.tick(0.1)
+        if condition():
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def connect(tab):
+    tab.controls_.emulate.clicks += 1
+    tab.controls_.connect.clicks += 1
+    assert not tab.session.failed, tab.session.message
+
+
+def test_from_the_line_to_paper_pings_and_file(tab):
+    connect(tab)
+    assert until(tab, lambda: tab.session.pings is not None and len(tab.session.pings) > 40), tab.live.status
+    assert tab.session.pings.simulated
+    assert tab.session.truth["depth_m"] == 2000.0
+    number, arrival_s = tab.live.followed
+    assert np.all(np.diff(number) > 0)
+    spread = np.ptp(arrival_s - 2.0 * number)
+    assert spread < 0.5  # of a range that changes by hundreds of metres, not of whole intervals
+    assert tab.paper.count > 40
+    assert "Listening" in tab.status_words.object
+    path, lines = tab.live.file, tab.paper.count
+    tab.controls_.connect.clicks += 1
+    assert tab.live.receiver is None
+    tab._try(lambda: tab._open_stored(path))
+    assert tab.kind == "stored"
+    assert tab.roll.simulated
+    assert tab.paper.count >= lines
+    tab.controls_.accept.clicks += 1
+    assert len(tab.session.pings) > 35
+
+
+def test_the_menus_turn_the_receiver(tab):
+    connect(tab)
+    receiver = tab.live.emulator.line.line.receiver
+    assert until(tab, lambda: tab.live.status.periods > 2)
+    tab.controls_.attenuator.value = 12
+    assert until(tab, lambda: receiver.attenuation_db == 12)
+    tab.controls_.baud.value = 1200
+    assert until(tab, lambda: tab.live.status.baud == 1200)
+    tab.controls_.maxima.value = 4
+    tab.controls_.send.clicks += 1
+    assert until(tab, lambda: receiver.memory[0x63] == 8)
+    tab.beside.choice.value = "Terminal"
+    tab.beside._keyed(SimpleNamespace(new="#PTR H\r"))
+    heard = []
+    tab.beside.terminal.param.watch(lambda event: heard.append(event.new), "output")
+    assert until(tab, lambda: "SIMULATED" in "".join(heard))
+
+
+def test_a_port_that_is_taken_is_told_in_a_sentence(tab):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        tab.controls_.emulator_port.value = taken.getsockname()[1]
+        tab.controls_.emulate.clicks += 1
+    assert tab.session.failed
+    assert "cannot have port" in tab.session.message
+
+
+def test_a_device_that_is_not_there_is_told_and_tried_again(tab):
+    tab.controls_.address.value = "/dev/ttyNotThere"
+    tab.controls_.connect.clicks += 1
+    assert until(tab, lambda: tab.live.status.state == "waiting", 10)
+    tab.tick(0.1)
+    assert "no such device" in tab.status_words.object
+
+
+def test_a_folder_without_permission_is_told(tab, tmp_path):
+    (tmp_path / "file").write_text("")
+    tab.controls_.folder.value = str(tmp_path / "file" / "hunts")
+    tab.controls_.address.value = "tcp:127.0.0.1:1"
+    tab.controls_.connect.clicks += 1
+    assert tab.session.failed
+    assert "cannot be kept there" in tab.session.message
+    assert tab.live.receiver is None
+
+
+def test_an_emulator_that_stops_leaves_the_page_up(tab):
+    connect(tab)
+    assert until(tab, lambda: tab.live.status.periods > 2)
+    tab.live.emulator.line.stop()
+    assert until(tab, lambda: tab.live.status.state == "waiting")
+    assert "tcp:" in tab.status_words.object
+
+
+def test_typing_without_a_receiver_says_what_to_do():
+    tab = ChartTab(session=Session())
+    tab.activate()
+    tab.beside._keyed(SimpleNamespace(new="#PTR H\r"))
+    assert "No receiver is connected" in tab.session.message
