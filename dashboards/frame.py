@@ -59,8 +59,9 @@ body { overflow: hidden; }
 """
 
 HELP = """
-**Open** reads a survey log (SIO, WHOI), pings or a sound-speed profile as CSV, a T-file, an array table or a
-session file, a recording of sound (WAV, RF64, FLAC) or a stored receiver session; which it is, is seen from the file.
+**Open** reads a survey log (SIO, WHOI), pings or a sound-speed profile as CSV, a T-file, an array table, a
+VELOCITY.DAT, crossover files, a table of timing offsets, a log of edited points, a session file, a recording of sound
+(WAV, RF64, FLAC) or a stored receiver session; which it is, is seen from the file.
 
 Keys: **space** plays and pauses the replay, **Ctrl+S** saves the session, **Ctrl+Z** and **Ctrl+Shift+Z** undo
 and redo, **Ctrl+O** opens. Arrow keys nudge a number; double click on a slider's name puts its default back.
@@ -368,8 +369,8 @@ class Workbench:
         words = pn.pane.Markdown(
             f"Drop files here or choose them; at most {UPLOAD_LIMIT_MB} MB each. They stay on this machine.\n\n"
             "Survey logs (SIO, WHOI), pings (`lat_deg, lon_deg, oneway_s`) or a profile (`depth_m, speed_mps`) as CSV, "
-            "T-files, array tables, session files; recordings (WAV, RF64, FLAC) and stored "
-            "receiver sessions for the chart."
+            "T-files, array tables, VELOCITY.DAT, crossover files, OFFSETS.csv, logs of edited points, session files; "
+            "recordings (WAV, RF64, FLAC) and stored receiver sessions for the chart."
         )
         return pmui.Dialog(words, dropper, title="Open", width_option="sm", show_close_button=True)
 

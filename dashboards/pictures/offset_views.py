@@ -46,7 +46,7 @@ class OffsetsByTime:
             ),
         )
         legend_entry(fig, "offset of a set, 95 % bar", [], color=FIRST_ARRAY, size=7)
-        legend_entry(fig, "the array that stands in the way", [], color=SECOND_ARRAY, size=7)
+        legend_entry(fig, "array that stands in the way", [], color=SECOND_ARRAY, size=7)
         legend_entry(fig, "too few for a sigma", [], color=REJECTED, marker="x", size=7)
         legend_entry(fig, "what they agree on", [line], line=True, line_color=ESTIMATE)
         style_legend(fig)

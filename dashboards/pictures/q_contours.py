@@ -13,8 +13,8 @@ from dashboards.pictures.legend import legend_entry, style_legend
 from trackerlib.timing.correction import TimingCorrection
 
 SIGMAS = 8.0  # either side of the estimate that is drawn
-CELLS = 61
-LEVELS = 9
+CELLS = 65
+LEVELS = 8
 AROUND = np.linspace(0, 2 * np.pi, 73)
 
 
@@ -54,13 +54,13 @@ class QContours:
             return
         offset, drift = _grids(correction)
         rms = np.sqrt(correction.q_surface(offset, drift)).T
-        levels = np.quantile(rms, np.linspace(0.02, 0.97, LEVELS)).tolist()
+        middle = CELLS // 2
+        at = middle + np.arange(1, LEVELS + 1) * middle // LEVELS  # a contour at every sigma of the offset
+        levels = rms[middle, at].tolist()
         ms = 1e3 * offset, 1e3 * drift
         if np.ptp(rms) > 1e-9 * max(rms.max(), 1e-9):
             self.drawn.set_data(contour_data(*ms, rms, levels, want_fill=False))
-            middle = CELLS // 2
-            at = [int(np.argmin(np.abs(rms[middle, middle:] - level))) + middle for level in levels]
-            every_other = slice(None, None, 2)
+            every_other = slice(1, None, 2)
             self.words.data = {
                 "x": ms[0][at][every_other],
                 "y": np.full(len(levels[every_other]), ms[1][middle]),

@@ -73,7 +73,7 @@ class RadialLines:
         self._middle = middle
         everything = np.concatenate([places[:, :2], x[self._rows, :2], y[self._rows, :2]])
         low, high = np.nanmin(everything, axis=0), np.nanmax(everything, axis=0)
-        room = 0.08 * (high - low).max()
+        room = 0.18 * (high - low).max()
         self.home.tags = [float(v) for v in (low[0] - room, high[0] + room, low[1] - room, high[1] + room)]
         self.move(x, y)
 

@@ -88,7 +88,7 @@ class RadialPage:
         here = float(np.linalg.norm((x - y)[self._row]))
         whole = float(np.sqrt(np.mean(np.sum((x - y) ** 2, axis=1))))
         simulated = (
-            " <b>SIMULATED</b>, its clock too fast by 60 ms so that the eye can see it."
+            f" <b>SIMULATED</b>, its transit times {EXAMPLE_OFFSET_MS:.0f} ms too short so that the eye can see it."
             if self.what.value == EXAMPLE
             else ""
         )

@@ -14,7 +14,7 @@ from dashboards.tabs.tab import choice
 from trackerlib import __version__
 from trackerlib.crossover.gating import gate_mode_and_flag
 from trackerlib.rangefiles.corrected_tfile import corrected_copy
-from trackerlib.rangefiles.track_csv import track_csv
+from trackerlib.rangefiles.run_track_file import hand_overs_csv, run_track_csv
 from trackerlib.rounding import value_with_sigma
 from trackerlib.timing.one_run import RunVerdict
 from trackerlib.timing.run_track import RunTrack, correct_run
@@ -39,9 +39,17 @@ class ApplyPage:
         self.what.param.watch(lambda event: self.apply(), "value")
         self.button = button("Apply", self.apply)
         self.tfile = _download("Corrected T-file", self.tfile_copy, "corrected.dat")
-        self.track = _download("Merged track", self.track_file, "track.csv")
+        self.track = _download("Merged track", lambda: self.run_file(run_track_csv), "track.csv")
+        self.hand_overs = _download("Hand-overs", lambda: self.run_file(hand_overs_csv), "hand-overs.csv")
         self.pane = pn.Column(
-            pn.Row(pn.Column(self.what, width=260, margin=0), self.button, self.tfile, self.track, margin=0),
+            pn.Row(
+                pn.Column(self.what, width=260, margin=0),
+                self.button,
+                self.tfile,
+                self.track,
+                self.hand_overs,
+                margin=0,
+            ),
             self.words,
             fill(self.jumps.figure),
             sizing_mode="stretch_both",
@@ -59,7 +67,7 @@ class ApplyPage:
         """Corrects the whole run off the event loop and shows the jumps at its hand-overs."""
         session = self.session
         ready = session.tfile is not None and session.survey is not None and session.profile is not None
-        self.tfile.disabled = self.track.disabled = not ready
+        self.tfile.disabled = self.track.disabled = self.hand_overs.disabled = not ready
         if not ready:
             self.words.object = "A T-file, its arrays and a profile are wanted: sets alone hold no whole run."
             return
@@ -91,22 +99,20 @@ class ApplyPage:
         )
         self.jumps.show(found.hand_overs)
 
-    def remarks(self) -> tuple[str, ...]:
+    def provenance(self) -> str:
         """What a file says of how it was made."""
         session = self.session
-        label = ("SIMULATED DATA",) if session.simulated else ()
         return (
-            *label,
             f"tracker workbench {__version__}: {session.gating.source}, mode {session.gating.mode}, "
-            f"{clock_words(*self.chosen())}",
-            f"profile {session.profile.name}, arrays {session.survey.source}",
+            f"{clock_words(*self.chosen())}; profile {session.profile.name}, arrays {session.survey.source}"
         )
 
-    def track_file(self) -> io.BytesIO:
-        """The merged track as CSV, for the browser to save."""
+    def run_file(self, written) -> io.BytesIO:
+        """The merged track or its hand-overs as CSV, for the browser to save; `written` makes the text."""
         if self.run is None:
             self.apply()
-        return io.BytesIO(b"" if self.run is None else track_csv(self.run, self.remarks()).encode())
+        run, simulated = self.run, self.session.simulated
+        return io.BytesIO(b"" if run is None else written(run, self.provenance(), simulated).encode())
 
     def tfile_copy(self) -> io.BytesIO:
         """A copy of the T-file with this vehicle's positions corrected, for the browser to save."""
@@ -116,7 +122,7 @@ class ApplyPage:
         )  # fmt: skip
         copy = corrected_copy(
             session.tfile_content, session.gating.source, session.tfile, moved.which, moved.position,
-            "CORRECTED COPY, " + "; ".join(self.remarks()),
+            "CORRECTED COPY" + ", SIMULATED DATA" * session.simulated + f", {self.provenance()}",
         )  # fmt: skip
         session.say(f"{int(copy.written.sum())} positions corrected in the copy; the original is untouched")
         return io.BytesIO(copy.content)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import panel as pn
+from bokeh.models.widgets.tables import NumberFormatter
 
 from dashboards.pictures.offset_views import OffsetsByTime
 from dashboards.session import Session, same_set
@@ -19,6 +20,13 @@ COLUMNS = {
     "± drift": float, "corr.": float, "t0": float, "before (ft)": float, "after (ft)": float, "remarks": str,
 }  # fmt: skip
 WIDTHS = dict(zip(COLUMNS, (f"{share}%" for share in (8, 7, 6, 9, 7, 9, 8, 7, 9, 9, 8, 13)), strict=True))
+FORMATS: dict = {
+    **{name: NumberFormatter(format="0.000") for name in ("offset (ms)", "± (ms)")},
+    **{name: NumberFormatter(format="0.0000") for name in ("drift (ms/ count)", "± drift")},
+    **{name: NumberFormatter(format="0.0") for name in ("t0", "before (ft)", "after (ft)")},
+    "corr.": NumberFormatter(format="0.00"),
+    "remarks": {"type": "textarea"},
+}
 
 
 class SetsPage:
@@ -31,7 +39,7 @@ class SetsPage:
         self.verdict: RunVerdict | None = None
         self.table = pn.widgets.Tabulator(
             table_of_sets((), ()), show_index=False, disabled=True, sizing_mode="stretch_both", theme="simple",
-            layout="fit_columns", stylesheets=[TABLE], margin=(4, 4), min_height=60,
+            layout="fit_columns", stylesheets=[TABLE], margin=(4, 4), min_height=60, formatters=FORMATS,
         )  # fmt: skip
         self.table.on_click(lambda event: self._choose(int(self.table.value.index[event.row])))
         self.pivot = Results()

@@ -25,7 +25,7 @@ from trackerlib.frames import LocalFrame
 from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS, TIME_RMS_S, Receptions, sail_hexagon
 
 RECEPTIONS, SURVEYS = 1126, 200
-PEER_SURVEYS, WHOLE_SURVEYS = 20, 5
+PEER_SURVEYS, WHOLE_SURVEYS = 100, 3
 RANGE_RMS_M = SOUND_SPEED_MPS * TIME_RMS_S
 
 
@@ -98,7 +98,7 @@ def compare(points: Receptions, gps_rms_m: float) -> str:
 
     ratio, whole = their_time / our_time, their_time / whole_time
     return (
-        f"the estimator {1e6 * our_time[0]:.0f} us, error {error(ours):.2f} m; "
+        f"the estimator {1e6 * our_time[0]:.0f} us, error {error(ours[:PEER_SURVEYS]):.2f} m; "
         f"least_squares {1e3 * their_time[0]:.1f} ms, {error(theirs):.2f} m: "
         f"{ratio[0]:.0f} times by the clock, {ratio[1]:.0f} in processor time; "
         f"the whole fix {1e3 * whole_time[0]:.0f} ms: {whole[0]:.2f} and {whole[1]:.2f} times"

@@ -99,6 +99,7 @@ def measure(browser, url: str, tab: str | None) -> np.ndarray:
         page.wait_for_function(IDLE, timeout=60_000)
         if tab:
             page.get_by_role("tab", name=tab, exact=True).click()
+            page.get_by_text("One offset").first.wait_for(timeout=120_000)  # every set is fitted by then
         page.wait_for_timeout(4000)
         page.evaluate(STAMPS)
         found.append(latencies_ms(drag(page)))

@@ -143,3 +143,31 @@ def test_gating_anew_keeps_the_chosen_set_where_it_can(range_run):
     range_run.crossover = chosen
     range_run.max_slant_range_ft = range_run.max_slant_range_ft - 1
     assert (range_run.crossover.pair, range_run.crossover.pass_number) == (chosen.pair, chosen.pass_number)
+
+
+def test_a_large_tfile_is_read_and_gated_as_a_job(data, monkeypatch):
+    small = Session()
+    small.open_range_demo()
+    monkeypatch.setattr("dashboards.session.LARGE_BYTES", 1)
+    monkeypatch.setattr("dashboards.session.LARGE_REPORTS", 1)
+    large, begun = Session(), []
+    start = large.jobs.start
+    monkeypatch.setattr(
+        large.jobs, "start", lambda purpose, *rest: (begun.append(purpose), start(purpose, *rest))
+    )
+    large.open_range_demo()
+    assert begun[:2] == ["Opening tfile.dat", "Gating"]
+    assert large.gating.counts == small.gating.counts
+    assert large.crossover.pair == small.crossover.pair
+
+
+def test_point_edits_and_options_come_back_with_the_session_file():
+    session = Session()
+    session.open_range_demo()
+    edits = session.edits.exclude(session.crossover, [1, 2], session.gating.mode, "noise")
+    session.param.update(edits=edits, timing_options={"method": "joint", "outliers": "in"})
+    other = Session()
+    other.open_range_demo()
+    other.open_file("session.json", session.to_json().encode())
+    assert other.edits == edits
+    assert other.timing_options == {"method": "joint", "outliers": "in"}

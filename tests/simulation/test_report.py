@@ -33,6 +33,11 @@ def test_the_report_holds_every_claim_and_table(table, tmp_path):
     assert "More experiments help. holds" in words
     assert "A leg over the beacon helps its depth. not told" in words
     assert "is not reproduced" in words
+    assert (
+        "The usual bias exceeds one bound, and so matters more than the noise, from 3 m on at 300 m depth"
+        in words
+    )
+    assert "times ours (median)" in words
     assert "SIMULATED" in drawing.read_text()
 
 

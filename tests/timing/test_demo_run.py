@@ -13,9 +13,8 @@ from trackerlib.crossover.gating import gate_reports
 from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
-from trackerlib.timing.constancy import sets_constant
 from trackerlib.timing.correction import fit_timing
-from trackerlib.timing.one_run import judge_run
+from trackerlib.timing.one_run import judge_run, offsets_agree
 
 WRONG_ARRAY = 5  # surveyed in the wrong place on purpose
 
@@ -127,7 +126,7 @@ def test_one_offset_serves_a_vehicle_unless_the_wrong_array_takes_part(data, mod
     def judged(chosen):
         columns = np.array([(fit.offset_s, fit.sigma_offset_s, fit.t0) for _, fit in chosen]).T
         # Vehicle 7's clock does not drift; vehicle 2's does, by 0.0002 ms a count.
-        return sets_constant("", *columns[:2], columns[2] if mode == 2 else None)
+        return offsets_agree(*columns, drift=mode == 2)
 
     good = judged([one for one in sure if WRONG_ARRAY not in one[0]])
     low, high = stats.chi2.ppf([0.025, 0.975], good.dof)

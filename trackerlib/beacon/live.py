@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from trackerlib.beacon import squared_sums
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.minimise import CUT
 from trackerlib.beacon.observability import UNSEEN_SHARE
@@ -24,6 +25,8 @@ from trackerlib.beacon.paths import paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
+from trackerlib.beacon.squared_sums import ONE
+from trackerlib.beacon.squared_sums import RANGE as RANGES
 from trackerlib.beacon.uncertainty import Uncertainty
 from trackerlib.compiled import compiled, warms
 from trackerlib.frames import LocalFrame
@@ -35,7 +38,7 @@ FIRST_COUNT, GROWTH = 8, 1.5  # when a first fix is tried
 FARTHEST = 0.2  # of the slant range: how far one ping may move a fix
 LAGS = 128  # of residuals whose correlation is followed
 STEPS = 30
-COLUMNS = 12  # of the sums: see _columns
+RANGE_SQUARED = squared_sums.COLUMNS  # the sums' last column, after those of squared_sums
 EAST, NORTH, UP, TIME, RANGE = range(5)  # columns of a ping
 
 
@@ -269,7 +272,7 @@ class LiveFix:
 
     def _uncertainty(self, theta: np.ndarray, sums: _Sums) -> Uncertainty | None:
         own = np.empty((self._unknowns, self._unknowns))
-        _score(sums.moments, theta, own)
+        squared_sums.score(sums.moments, theta, np.empty(self._unknowns), own)
         used, squares = sums.tally[:2]
         correlation = correlation_from(sums.autocorrelation(), int(used))
         freedom = used / correlation.variance_length - self._unknowns
@@ -284,7 +287,7 @@ class LiveFix:
         c0, moments = theta[3], sums.moments
         by_speed = (
             inverse
-            @ (2 * (moments[:, 11] - 2 * c0 * moments[:, 7] + c0**2 * moments[:, 8]))
+            @ (2 * (moments[:, RANGE_SQUARED] - 2 * c0 * moments[:, RANGES] + c0**2 * moments[:, ONE]))
             / self._speed_mps
         )
         covariance = noise + self.settings.speed_sigma_mps**2 * np.outer(by_speed, by_speed)
@@ -308,7 +311,7 @@ class _Sums:
     """All that the pings absorbed so far have to say."""
 
     def __init__(self, unknowns: int):
-        self.moments = np.zeros((unknowns, COLUMNS))
+        self.moments = np.zeros((unknowns, RANGE_SQUARED + 1))
         self.spread = np.zeros((unknowns, unknowns))
         self.tally = np.zeros(3)  # pings used, weighted squares, squares of range residuals [m^2]
         self.products = np.zeros(LAGS + 1)  # of whitened residuals, by lag
@@ -350,7 +353,7 @@ def _absorb(
     """Adds pings first to last (their running numbers) to the sums; `last`."""
     unknowns, kept = len(theta), len(rows)
     instrument = np.empty(unknowns)
-    column = np.empty(COLUMNS)
+    column = np.empty(RANGE_SQUARED + 1)
     oldest = max(count - kept, 0)
     lags = len(products)
     for k in range(first, last):
@@ -398,11 +401,11 @@ def _absorb(
             instrument[i] = t * instrument[i - 4]
         x, y, up, r = row[EAST], row[NORTH], row[UP], row[RANGE]
         column[0] = x * x + y * y + up * up - r * r - 2 * gps + rng
-        column[1], column[2], column[3] = x, y, up
-        column[4], column[5], column[6] = t * x, t * y, t * up
-        column[7], column[8], column[9], column[10], column[11] = r, 1.0, t, t * t, r * r
+        column[1], column[2], column[3], column[RANGES], column[ONE] = x, y, up, r, 1.0
+        column[6], column[7], column[8], column[9], column[10] = t * x, t * y, t * up, t, t * t
+        column[RANGE_SQUARED] = r * r
         for i in range(unknowns):
-            for j in range(COLUMNS):
+            for j in range(RANGE_SQUARED + 1):
                 moments[i, j] += w * instrument[i] * column[j]
             for j in range(unknowns):
                 spread[i, j] += w * instrument[i] * instrument[j]
@@ -417,43 +420,12 @@ def _absorb(
 
 
 @compiled
-def _score(moments, theta, own):
-    """Score (P,) of the sums at theta; fills its matrix `own` (P, P)."""
-    unknowns = len(theta)
-    px, py, pz, c0 = theta[0], theta[1], theta[2], theta[3]
-    vx = vy = vz = 0.0
-    if unknowns > 4:
-        vx, vy, vz = theta[4], theta[5], theta[6]
-    score = np.empty(unknowns)
-    for i in range(unknowns):
-        m = moments[i]
-        score[i] = (
-            m[0]
-            - 2 * (m[1] * px + m[2] * py + m[3] * pz)
-            - 2 * (m[4] * vx + m[5] * vy + m[6] * vz)
-            + 2 * m[7] * c0
-            + m[8] * (px * px + py * py + pz * pz - c0 * c0)
-            + 2 * m[9] * (px * vx + py * vy + pz * vz)
-            + m[10] * (vx * vx + vy * vy + vz * vz)
-        )
-        own[i, 0] = -2 * m[1] + 2 * m[8] * px + 2 * m[9] * vx
-        own[i, 1] = -2 * m[2] + 2 * m[8] * py + 2 * m[9] * vy
-        own[i, 2] = -2 * m[3] + 2 * m[8] * pz + 2 * m[9] * vz
-        own[i, 3] = 2 * m[7] - 2 * m[8] * c0
-        if unknowns > 4:
-            own[i, 4] = -2 * m[4] + 2 * m[9] * px + 2 * m[10] * vx
-            own[i, 5] = -2 * m[5] + 2 * m[9] * py + 2 * m[10] * vy
-            own[i, 6] = -2 * m[6] + 2 * m[9] * pz + 2 * m[10] * vz
-    return score
-
-
-@compiled
 def _solve_sums(moments, theta):
     """Newton's steps to where the score of the sums is zero, in place; whether they came to rest."""
     unknowns = len(theta)
-    own = np.empty((unknowns, unknowns))
+    score, own = np.empty(unknowns), np.empty((unknowns, unknowns))
     for _ in range(STEPS):
-        score = _score(moments, theta, own)
+        squared_sums.score(moments, theta, score, own)
         scale = np.sqrt(np.abs(np.diag(own)))
         if not np.all(scale > 0) or not np.all(np.isfinite(own)):
             return False

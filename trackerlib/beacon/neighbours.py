@@ -40,44 +40,60 @@ def smooth_track(ship, epochs, noise, neighbours, correlation):
     least = (FEWEST + size - 1) // size
     most = max(neighbours // size, least)
     smooth, shared = np.empty((count, 2)), np.zeros(count)
-    left, right, together = np.empty(SUMS), np.empty(SUMS), np.empty(SUMS)
+    weight = 1 / np.maximum(noise[:2], LEAST_VARIANCE)
+    begins = _straight_ends(sums, -1, least, most, weight)
+    ends = _straight_ends(sums, 1, least, most, weight)
+    left, right, together, nothing = np.empty(SUMS), np.empty(SUMS), np.empty(SUMS), np.zeros(SUMS)
     before, after, both = np.empty(7), np.empty(7), np.empty(7)
     for b in range(blocks):
-        left_from = _straight_to(sums, b, -1, least, most, noise)
-        right_to = _straight_to(sums, b + 1, 1, least, most, noise)
-        _fill(sums, left_from, b, left)
-        _fill(sums, b + 1, right_to, right)
-        apart = -_misfit(left, noise) - _misfit(right, noise)
+        left_from, right_to = begins[b], ends[b]
         for i in range(SUMS):
+            left[i], right[i] = sums[b, i] - sums[left_from, i], sums[right_to, i] - sums[b + 1, i]
             together[i] = left[i] + right[i]
-        apart += _misfit(together, noise)
+        apart = (
+            _misfit(together, nothing, weight)
+            - _misfit(left, nothing, weight)
+            - _misfit(right, nothing, weight)
+        )
         one = left[0] < FEWEST or right[0] < FEWEST or apart < DOUBT
-        _line(together, both)
-        _line(left, before)
-        _line(right, after)
-        first, last = b * size, min((b + 1) * size, count)
-        turn = _turn(before, after)
-        for k in range(first, last):
-            t = epochs[k] - epochs[0]
-            share = (1 - UNSURE if t < turn else UNSURE) / _doubt(before, t)
-            share /= share + (UNSURE if t < turn else 1 - UNSURE) / _doubt(after, t)
-            for axis in range(2):
-                at, speed = 3 + axis, 5 + axis
-                if one:
-                    place = both[at] + (t - both[1]) * both[speed]
-                else:
-                    place = share * (before[at] + (t - before[1]) * before[speed])
-                    place += (1 - share) * (after[at] + (t - after[1]) * after[speed])
-                smooth[k, axis] = place + ship[0, axis]
-            if correlation > 0:
-                sides = (left_from * size, first, last, min(right_to * size, count))
-                if one:
-                    shared[k] = _shared(both, epochs, k, sides[0], sides[1], correlation)
-                    shared[k] += _shared(both, epochs, k, sides[2], sides[3], correlation)
-                else:
-                    shared[k] = share * _shared(before, epochs, k, sides[0], sides[1], correlation)
-                    shared[k] += (1 - share) * _shared(after, epochs, k, sides[2], sides[3], correlation)
+        reach = (left_from * size, b * size, min((b + 1) * size, count), min(right_to * size, count))
+        if one:
+            _line(together, both)
+            _along_one(both, ship, epochs, reach, correlation, smooth, shared)
+        else:
+            _line(left, before)
+            _line(right, after)
+            _round_a_turn(before, after, ship, epochs, reach, correlation, smooth, shared)
     return smooth, shared
+
+
+@compiled
+def _along_one(line, ship, epochs, reach, correlation, smooth, shared):
+    """Fills the places of pings reach[1] to reach[2] from a line through those before and after, to reach[0], [3]."""
+    for k in range(reach[1], reach[2]):
+        t = epochs[k] - epochs[0] - line[1]
+        smooth[k, 0] = line[3] + t * line[5] + ship[0, 0]
+        smooth[k, 1] = line[4] + t * line[6] + ship[0, 1]
+        if correlation > 0:
+            shared[k] = _shared(line, epochs, k, reach[0], reach[1], correlation)
+            shared[k] += _shared(line, epochs, k, reach[2], reach[3], correlation)
+
+
+@compiled
+def _round_a_turn(before, after, ship, epochs, reach, correlation, smooth, shared):
+    """The same from two lines: by what each is worth, and by which side of the turn a ping is on."""
+    turn = _turn(before, after)
+    for k in range(reach[1], reach[2]):
+        t = epochs[k] - epochs[0]
+        share = (1 - UNSURE if t < turn else UNSURE) / _doubt(before, t)
+        share /= share + (UNSURE if t < turn else 1 - UNSURE) / _doubt(after, t)
+        for axis in range(2):
+            place = share * (before[3 + axis] + (t - before[1]) * before[5 + axis])
+            place += (1 - share) * (after[3 + axis] + (t - after[1]) * after[5 + axis])
+            smooth[k, axis] = place + ship[0, axis]
+        if correlation > 0:
+            shared[k] = share * _shared(before, epochs, k, reach[0], reach[1], correlation)
+            shared[k] += (1 - share) * _shared(after, epochs, k, reach[2], reach[3], correlation)
 
 
 @compiled
@@ -86,63 +102,59 @@ def _running_sums(ship, epochs, size):
     count = len(ship)
     blocks = (count + size - 1) // size
     sums = np.zeros((blocks + 1, SUMS))
+    t0, x0, y0 = epochs[0], ship[0, 0], ship[0, 1]
     for b in range(blocks):
-        for k in range(b * size, min((b + 1) * size, count)):
-            t, x, y = epochs[k] - epochs[0], ship[k, 0] - ship[0, 0], ship[k, 1] - ship[0, 1]
-            one = sums[b + 1]
-            one[0] += 1.0
-            one[1], one[2] = one[1] + t, one[2] + t * t
-            one[3], one[4], one[5] = one[3] + x, one[4] + t * x, one[5] + x * x
-            one[6], one[7], one[8] = one[6] + y, one[7] + t * y, one[8] + y * y
+        last = min((b + 1) * size, count)
+        st = stt = sx = stx = sxx = sy = sty = syy = 0.0
+        for k in range(b * size, last):
+            t, x, y = epochs[k] - t0, ship[k, 0] - x0, ship[k, 1] - y0
+            st, stt = st + t, stt + t * t
+            sx, stx, sxx = sx + x, stx + t * x, sxx + x * x
+            sy, sty, syy = sy + y, sty + t * y, syy + y * y
+        own = (float(last - b * size), st, stt, sx, stx, sxx, sy, sty, syy)
         for i in range(SUMS):
-            sums[b + 1, i] += sums[b, i]
+            sums[b + 1, i] = sums[b, i] + own[i]
     return sums
 
 
 @compiled
-def _fill(sums, first, last, out):
-    """Fills the sums (SUMS,) of blocks first to last, either way round, from the running sums."""
-    for i in range(SUMS):
-        out[i] = sums[last, i] - sums[first, i] if last > first else sums[first, i] - sums[last, i]
+def _straight_ends(sums, way, least, most, weight):
+    """For each block, the edge up to which the track beside it, after (way 1) or before (-1), is one straight line.
 
-
-@compiled
-def _straight_to(sums, edge, way, least, most, noise):
-    """Block edge up to which the track from `edge` on, forwards (way 1) or backwards (-1), is one straight line.
-
-    As many blocks again are added as long as the line through them is the same (Chow's test).
+    From block to block the end stays and the beginning moves up. Then half as much again is added as long as the line
+    through it is the same (Chow's test).
     """
     last = len(sums) - 1
-    reach = least
-    end = min(max(edge + way * reach, 0), last)
-    part = np.empty(SUMS)
-    _fill(sums, edge, end, part)
-    misfit = _misfit(part, noise)
-    while reach < most and 0 < end < last:
-        wider = min(2 * reach, most)
-        end_there = min(max(edge + way * wider, 0), last)
-        _fill(sums, end, end_there, part)
-        added = _misfit(part, noise)
-        _fill(sums, edge, end_there, part)
-        together = _misfit(part, noise)
-        if together - misfit - added > DOUBT:
-            break
-        reach, end, misfit = wider, end_there, together
-    return end
+    ends = np.empty(last, np.int64)
+    end = 0 if way > 0 else last
+    for n in range(last):
+        b = n if way > 0 else last - 1 - n
+        edge = b + 1 if way > 0 else b
+        if way * (end - edge) < least:
+            end = min(max(edge + way * least, 0), last)
+        while 0 < end < last and way * (end - edge) < most:
+            further = end + way * max(way * (end - edge) // 2, least)
+            further = min(max(further, 0), last)
+            apart = _misfit(sums[edge], sums[further], weight) - _misfit(sums[edge], sums[end], weight)
+            if apart - _misfit(sums[end], sums[further], weight) > DOUBT:
+                break
+            end = further
+        ends[b] = end
+    return ends
 
 
 @compiled
-def _misfit(s, noise):
-    """Chi-square of a straight line, sailed steadily, through the pings of sums s (SUMS,)."""
-    n = s[0]
-    if n < 1:
+def _misfit(one, other, weight):
+    """Chi-square of a straight line, sailed steadily, through the pings between two running sums, either way round."""
+    n, t, tt = one[0] - other[0], one[1] - other[1], one[2] - other[2]
+    spread = n * tt - t * t
+    if not spread > LEAST_SPREAD * n * tt:
         return 0.0
-    spread, misfit = s[2] - s[1] * s[1] / n, 0.0
-    slope = 1 / spread if spread > LEAST_SPREAD * s[2] else 0.0
+    per, misfit = 1 / spread, 0.0
     for axis in range(2):
-        x, tx, xx = s[3 + 3 * axis], s[4 + 3 * axis], s[5 + 3 * axis]
-        squares = xx - x * x / n - (tx - s[1] * x / n) ** 2 * slope
-        misfit += max(squares, 0.0) / max(noise[axis], LEAST_VARIANCE)
+        k = 3 + 3 * axis
+        x, tx, xx = one[k] - other[k], one[k + 1] - other[k + 1], one[k + 2] - other[k + 2]
+        misfit += abs(xx - (tt * x * x - 2 * t * x * tx + n * tx * tx) * per) * weight[axis]
     return misfit
 
 

@@ -128,11 +128,14 @@ class Survey:
     motion_kind: str
     paths: Paths
     time_sigma_s: float
-    gps_rms_m: float  # per axis; 0 where it is part of time_sigma_s
+    gps_rms_m: float | np.ndarray  # per axis, or (2,) east and north; 0 where it is part of time_sigma_s
     speed_sigma_mps: float
     widened: float  # variance over that of independent pings
     interval_s: float  # between pings to come
     emission_known: bool
+    gps_correlation_s: float | None = (
+        None  # of the ship's errors, independent from ping to ping where it is None
+    )
 
     def forecast(self, ship: np.ndarray, elapsed_s: np.ndarray, at_s: float) -> np.ndarray:
         """Covariance (3, 3) [m^2] of the beacon's place at an instant, from pings heard at ship (N, 3)."""
@@ -147,7 +150,7 @@ class Survey:
         time, gradient = (value[0] for value in self.paths.times(place[None], ship))
         seen = np.isfinite(time)
         gradient = np.where(seen[:, None], gradient, 0.0)
-        variance = self.time_sigma_s**2 + self.gps_rms_m**2 * np.sum(gradient[:, :2] ** 2, axis=1)
+        variance = self.time_sigma_s**2 + gradient[:, :2] ** 2 @ np.broadcast_to(self.gps_rms_m, 2) ** 2
         weight = np.where(seen, 1 / np.where(seen, variance, 1.0), 0.0)
         slope = gradient
         if motion.moving:
@@ -163,13 +166,18 @@ class Survey:
         mean_speed = self.paths.mean_speed(max(-float(self.beacon[2]), 0.0))
         by_speed = inverse @ (slope.T @ (weight * time)) / mean_speed
         noise = self.widened * inverse
-        if (
-            not self.gps_rms_m
-        ):  # not told: as wide as slow errors of the ship's position make it, like the fix
+        if (slow := self._slow_errors(elapsed_s)) is not None:
             gain = (slope * weight[:, None]) @ inverse
-            slow = SlowErrors(ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, elapsed_s)
             noise = wider(noise, slow.moved_by(gradient[:, :2, None] * gain[:, None, :]))
         return motion.axes.T @ noise @ motion.axes, by_speed @ motion.axes
+
+    def _slow_errors(self, elapsed_s: np.ndarray) -> SlowErrors | None:
+        """The ship's errors that hang together in time: those told, or what a fix assumes where none are."""
+        if not np.any(self.gps_rms_m):
+            return SlowErrors(ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, elapsed_s)
+        if self.gps_correlation_s is None:
+            return None
+        return SlowErrors(self.gps_rms_m, self.gps_correlation_s, elapsed_s)
 
     def after(self, leg: Leg) -> Forecast:
         """What the survey would come to with a leg added at its end."""
@@ -196,16 +204,16 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
     elapsed = fix.elapsed_s if fix.elapsed_s is not None else pings.instant_s
     apart = np.diff(np.sort(elapsed))
     apart = apart[apart > 0]
-    told = settings.ship_rms_m or 0.0
+    told = np.zeros(2) if settings.gps_axes_m is None else settings.gps_axes_m
     rms = max(float(np.sqrt(np.mean(fix.residual_s[used] ** 2))), time_sigma(pings, settings))
     residual, velocity = fix.residual_s[used], np.zeros(3) if fix.velocity is None else fix.velocity
     paths = paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m)
     scale = 1.0
-    if told:  # both errors grow together until they explain the residuals
+    if told.any():  # both errors grow together until they explain the residuals
         gradient = paths.times((places[0] + elapsed[used, None] * velocity)[None], fix.ship[used])[1][
             0, :, :2
         ]
-        stated = time_sigma(pings, settings) ** 2 + told**2 * np.sum(gradient**2, axis=1)
+        stated = time_sigma(pings, settings) ** 2 + gradient**2 @ told**2
         scale = max(float(np.sqrt(np.nanmean(residual**2 / stated))), 1e-3)
     one = Survey(
         ship=fix.ship[used],
@@ -214,12 +222,13 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
         velocity=velocity,
         motion_kind=settings.motion,
         paths=paths,
-        time_sigma_s=scale * time_sigma(pings, settings) if told else rms,
+        time_sigma_s=scale * time_sigma(pings, settings) if told.any() else rms,
         gps_rms_m=scale * told,
         speed_sigma_mps=settings.speed_sigma_mps,
         widened=1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length,
         interval_s=float(np.median(apart)) if len(apart) else USUAL_INTERVAL_S,
         emission_known=settings.emission_known,
+        gps_correlation_s=settings.gps_correlation_s,
     )
     return [replace(one, beacon=place) for place in places]
 

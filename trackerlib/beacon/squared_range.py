@@ -122,27 +122,24 @@ def fix_squared_range(
     if correlation_s > 0 and (epochs[1:] < epochs[:-1]).any():
         raise ValueError("found epochs out of order; with correlated errors they must not fall")
     surveys, unknowns = len(ship), MOVING if moving else STILL
-    estimate = np.full((surveys, unknowns), np.nan)
-    covariance = np.full((surveys, unknowns, unknowns), np.nan)
-    why, passes = np.full(surveys, FEW), np.zeros(surveys, np.int64)
-    if ship.shape[1] > unknowns:
-        fix = _fix_all if surveys > 1 else _fix_alone
-        fix(
-            ship, ranges, epochs, noise, neighbours, float(correlation_s), DRAWS[unknowns],
-            estimate, covariance, why, passes,
-        )  # fmt: skip
+    estimate, covariance = np.empty((surveys, unknowns)), np.empty((surveys, unknowns, unknowns))
+    why, passes = np.empty(surveys, np.int64), np.empty(surveys, np.int64)
+    fix = _fix_all if surveys > 1 else _fix_alone
+    fix(
+        ship, ranges, epochs, noise, neighbours, float(correlation_s), DRAWS[unknowns],
+        estimate, covariance, why, passes,
+    )  # fmt: skip
     return SquaredRangeFixes(estimate, covariance, why == FINE, why, passes)
 
 
 def _variances(gps_rms_m, range_rms_m) -> np.ndarray:
     """Variances (3,) of ship position east, north and of a range."""
-    noise = np.empty(3)
-    noise[:2], noise[2] = gps_rms_m, range_rms_m
-    if not (noise >= 0).all() or not noise.any():
+    east, north = (gps_rms_m, gps_rms_m) if np.ndim(gps_rms_m) == 0 else gps_rms_m
+    if not (east >= 0 and north >= 0 and range_rms_m >= 0 and east + north + range_rms_m > 0):
         raise ValueError(
             f"found noise of {gps_rms_m} m and {range_rms_m} m; wanted none below and one above zero"
         )
-    return noise**2
+    return np.array([east * east, north * north, range_rms_m * range_rms_m], float)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
@@ -157,16 +154,21 @@ def _fix_all(ship, ranges, epochs, noise, neighbours, correlation, draws, estima
 def _fix_alone(
     ship, ranges, epochs, noise, neighbours, correlation, draws, estimate, covariance, why, passes
 ):
-    """The same for one survey, without the threads' start."""
-    why[0], passes[0] = _fix_one(
-        ship[0], ranges[0], epochs, noise, neighbours, correlation, draws, estimate[0], covariance[0]
-    )
+    """The same without the threads' start, which takes longer than one fix."""
+    for k in range(len(ship)):
+        why[k], passes[k] = _fix_one(
+            ship[k], ranges[k], epochs, noise, neighbours, correlation, draws, estimate[k], covariance[k]
+        )
 
 
 @compiled
 def _fix_one(ship, ranges, epochs, noise, neighbours, correlation, draws, estimate, covariance):
     """One fix, from the start with motion and, if that leads nowhere, from the one without; why not, passes made."""
     unknowns = len(estimate)
+    estimate[:] = np.nan
+    if len(ship) <= unknowns:
+        covariance[:] = np.nan
+        return FEW, 0
     smooth, shared = smooth_track(ship, epochs, noise, neighbours, correlation)
     origin = _origin(ship, ranges)
     why, passes = HIDDEN, 0
@@ -190,6 +192,7 @@ def _fix_one(ship, ranges, epochs, noise, neighbours, correlation, draws, estima
             -first[2], ship, smooth, ranges, epochs, origin, noise, unknowns == MOVING
         ):
             why = RULED
+    covariance[:] = np.nan
     return why, passes
 
 

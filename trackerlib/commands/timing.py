@@ -20,8 +20,8 @@ from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.textfiles import InputError, write_text
 from trackerlib.timing.causes import CauseFit, Ranking, compare_causes
-from trackerlib.timing.constancy import sets_constant
 from trackerlib.timing.correction import METHODS, OUTLIERS, TimingCorrection, fit_timing
+from trackerlib.timing.one_run import offsets_agree
 
 SUMMARY = "estimate timing offset and drift from crossover sets"
 SERVES = 0.025  # chance below which sets are not said to share one offset
@@ -114,13 +114,13 @@ def one_offset(answers: list[dict]) -> dict | None:
         np.array([one[key] for one in sure]) for key in ("offset_ms", "sigma_offset_ms", "t0")
     )
     tests = {
-        "constant": sets_constant("constant", 1e-3 * offset, 1e-3 * sigma),
-        "drifting": sets_constant("drifting", 1e-3 * offset, 1e-3 * sigma, t0),
+        "constant": offsets_agree(1e-3 * offset, 1e-3 * sigma, t0),
+        "drifting": offsets_agree(1e-3 * offset, 1e-3 * sigma, t0, drift=True),
     }
     return {
         name: {
-            "mean_offset_ms": 1e3 * test.mean_s,
-            "sigma_mean_offset_ms": 1e3 * test.sigma_mean_s,
+            "mean_offset_ms": 1e3 * test.offset_s,
+            "sigma_mean_offset_ms": 1e3 * test.sigma_offset_s,
             "distance": test.distance,
             "dof": test.dof,
             "p_value": test.p_value,

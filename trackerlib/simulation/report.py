@@ -157,8 +157,14 @@ def _bias(table: pd.DataFrame, seed: int) -> list[str]:
     over_depth = bias_over_depth(DEPTHS_M, BIAS_GPS_M, BIAS_TRIALS, seed)
     grid = pd.DataFrame(
         [
-            {"depth (m)": f"{depth:g}"}
-            | {f"{gps:g} m": f"{bias:.1f}" for gps, bias in zip(BIAS_GPS_M, row, strict=True)}
+            {
+                "depth (m)": f"{depth:g}",
+                "slant ranges (m)": f"{np.hypot(866, depth):.0f} to {np.hypot(1000, depth):.0f}",
+            }
+            | {
+                f"{gps:g} m": f"{usual:.1f} / {our:.1f}"
+                for gps, (usual, our) in zip(BIAS_GPS_M, row, strict=True)
+            }
             for depth, row in zip(DEPTHS_M, over_depth, strict=True)
         ]
     )
@@ -170,17 +176,21 @@ def _bias(table: pd.DataFrame, seed: int) -> list[str]:
         f"below {noise:.1f} is not distinguishable from none):",
         "",
         *_rows(pd.DataFrame(lines)),
-        "Bias of the usual fix against depth under the hexagon's centre and GPS error, in bounds of 601 receptions. "
-        "It exceeds one bound, and so matters more than the noise, from about "
-        f"{_first_above(over_depth)} m of GPS error; at 1 m it hides in the noise.",
+        "Bias of the usual fix / of ours against range and GPS error, beacons under the hexagon's centre, in bounds "
+        f"of 601 receptions. {_matters_from(over_depth[:, :, 0])}",
         "",
         *_rows(grid),
     ]
 
 
-def _first_above(bias: np.ndarray) -> str:
-    above = [f"{gps:g}" for gps, column in zip(BIAS_GPS_M, bias.T, strict=True) if np.median(column) > 1]
-    return above[0] if above else f"more than {BIAS_GPS_M[-1]:g}"
+def _matters_from(bias: np.ndarray) -> str:
+    """From which GPS error on the usual bias (D, G) exceeds the bound, depth by depth, in one sentence."""
+    parts = []
+    for depth, row in zip(DEPTHS_M, bias, strict=True):
+        above = [gps for gps, one in zip(BIAS_GPS_M, row, strict=True) if one > 1]
+        parts.append(f"from {above[0]:g} m on" if above else f"not up to {BIAS_GPS_M[-1]:g} m")
+        parts[-1] += f" at {depth:g} m depth"
+    return f"The usual bias exceeds one bound, and so matters more than the noise, {', '.join(parts)}."
 
 
 def _conclusions(table: pd.DataFrame) -> list[str]:

@@ -99,13 +99,12 @@ def compare(receptions: Receptions, gps_rms_m: float, trials: int, seed: int) ->
 
 
 def bias_over_depth(depths_m, gps_rms_m, trials: int, seed: int, receptions: int = 601) -> np.ndarray:
-    """Greatest bias of the usual fix over the bound (D, G) for beacons under the hexagon's centre."""
-    return np.array(
+    """Greatest bias of the usual fix and of ours over the bound (D, G, 2), beacons under the hexagon's centre."""
+    found = [
         [
-            [
-                compare(sail_hexagon(Scenario((0.0, 0.0, -depth)), receptions), gps, trials, seed).usual_bias
-                for gps in gps_rms_m
-            ]
-            for depth in depths_m
+            compare(sail_hexagon(Scenario((0.0, 0.0, -depth)), receptions), gps, trials, seed)
+            for gps in gps_rms_m
         ]
-    )
+        for depth in depths_m
+    ]
+    return np.array([[(one.usual_bias, one.our_bias) for one in row] for row in found])

@@ -44,7 +44,7 @@ class Constancy:
     name: str  # of the run or pair
     mean_s: float  # (26)
     sigma_mean_s: float
-    effects: int  # K, how many are compared; one less where a drift is fitted too
+    effects: int  # K, how many are compared
     distance: float  # (27); 0 for one effect
     p_value: float  # chi-square with K - 1 degrees of freedom; 1 for one effect
     p_value_estimated: (
@@ -108,23 +108,6 @@ def covariance_of(table: OffsetTable, variances: Variances) -> np.ndarray:
     """Covariance (N, N) [s^2] of the offsets (23)."""
     day, run = _random(table).values()
     return variances.residual * np.eye(len(table)) + variances.day * day @ day.T + variances.run * run @ run.T
-
-
-def sets_constant(
-    name: str, offset_s: np.ndarray, sigma_s: np.ndarray, t0: np.ndarray | None = None
-) -> Constancy:
-    """Do offsets (N,) share one value, each judged by its own sigma (N,)? With t0 (N,), one value and a drift.
-
-    Stricter than the report's test, which judges offsets by what they scatter in other runs.
-    """
-    design = np.ones((len(offset_s), 1))
-    if t0 is not None:
-        design = np.column_stack([design, t0 - np.mean(t0)])
-    weighed = design / np.asarray(sigma_s)[:, None]
-    estimate, _, rank, _ = np.linalg.lstsq(weighed, offset_s / sigma_s, rcond=None)
-    distance = float(np.sum(((offset_s - design @ estimate) / sigma_s) ** 2))
-    variance = float(np.linalg.pinv(weighed.T @ weighed)[0, 0])
-    return _judged(name, float(estimate[0]), variance, len(offset_s) - int(rank) + 1, distance)
 
 
 def runs_constant(table: OffsetTable, variances: Variances) -> tuple[Constancy, ...]:

@@ -265,7 +265,8 @@ def _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, weighing)
     # Eqs. (15)-(19): gain' gain, were the noise of neighbouring counts independent.
     gain = np.column_stack([np.ones(len(t)) / weight.sum(), t / max(t**2 @ weight, 1e-300)])
     if quiet.sum() < MIN_POINTS:
-        few = f"{bare.points} points are too few for a sigma; at least {MIN_POINTS} are needed"
+        few = f"{'1 point is' if bare.points == 1 else f'{bare.points} points are'} too few for a sigma; "
+        few += f"at least {MIN_POINTS} are needed"
         return replace(bare, reason=few, **_isotropic(residual, gain, np.linalg.norm(pull, axis=1)))
     told = noise is not None
     if noise is None:

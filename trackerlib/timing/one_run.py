@@ -66,7 +66,7 @@ def offsets_agree(
     covariance = np.linalg.pinv((columns.T * weight) @ columns)
     found = covariance @ (columns.T @ (weight * offset))
     apart = offset - columns @ found
-    distance, dof = float(weight @ apart**2), len(offset) - columns.shape[1]
+    distance, dof = float(weight @ apart**2), len(offset) - int(np.linalg.matrix_rank(columns))
     sigma = np.sqrt(np.diag(covariance))
     return Agreement(
         left_out=left_out,
