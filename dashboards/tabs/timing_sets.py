@@ -20,13 +20,19 @@ COLUMNS = {
     "± drift": float, "corr.": float, "t0": float, "before (ft)": float, "after (ft)": float, "remarks": str,
 }  # fmt: skip
 WIDTHS = dict(zip(COLUMNS, (f"{share}%" for share in (8, 7, 6, 9, 7, 9, 8, 7, 9, 9, 8, 13)), strict=True))
-FORMATS: dict = {
-    **{name: NumberFormatter(format="0.000") for name in ("offset (ms)", "± (ms)")},
-    **{name: NumberFormatter(format="0.0000") for name in ("drift (ms/ count)", "± drift")},
-    **{name: NumberFormatter(format="0.0") for name in ("t0", "before (ft)", "after (ft)")},
-    "corr.": NumberFormatter(format="0.00"),
-    "remarks": {"type": "textarea"},
+DIGITS = {
+    **dict.fromkeys(("offset (ms)", "± (ms)"), "0.000"),
+    **dict.fromkeys(("drift (ms/ count)", "± drift"), "0.0000"),
+    **dict.fromkeys(("t0", "before (ft)", "after (ft)"), "0.0"),
+    "corr.": "0.00",
 }
+
+
+def _formats() -> dict:
+    """How the columns are written: made for each table, since a table that is gone lives on in what it shares."""
+    return {name: NumberFormatter(format=digits) for name, digits in DIGITS.items()} | {
+        "remarks": {"type": "textarea"}
+    }
 
 
 class SetsPage:
@@ -39,7 +45,7 @@ class SetsPage:
         self.verdict: RunVerdict | None = None
         self.table = pn.widgets.Tabulator(
             table_of_sets((), ()), show_index=False, disabled=True, sizing_mode="stretch_both", theme="simple",
-            layout="fit_columns", stylesheets=[TABLE], margin=(4, 4), min_height=60, formatters=FORMATS,
+            layout="fit_columns", stylesheets=[TABLE], margin=(4, 4), min_height=60, formatters=_formats(),
         )  # fmt: skip
         self.table.on_click(lambda event: self._choose(int(self.table.value.index[event.row])))
         self.pivot = Results()
