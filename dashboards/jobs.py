@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 
 log = logging.getLogger("workbench")
@@ -53,6 +53,7 @@ class Jobs:
         self._on_error = on_error
         self._running: dict[str, Progress] = {}
         self._waiting: dict[str, tuple] = {}
+        self._futures: dict[str, Future] = {}
 
     @property
     def busy(self) -> bool:
@@ -64,6 +65,8 @@ class Jobs:
         self._waiting.clear()
         for progress in self._running.values():
             progress.cancel()
+        for future in list(self._futures.values()):
+            future.cancel()  # what no thread has taken up yet never runs
 
     def start(
         self,
@@ -103,13 +106,14 @@ class Jobs:
                 self._on_state(purpose, share, text)
 
         progress = self._running[purpose] = Progress(tell)
-        future = (LONG_POOL if long else POOL).submit(work, progress)
+        future = self._futures[purpose] = (LONG_POOL if long else POOL).submit(work, progress)
 
         def finish() -> None:
             self._running.pop(purpose, None)
+            self._futures.pop(purpose, None)
             if not self._running:
                 self._on_state("", 0.0, "")
-            error = future.exception()
+            error = Cancelled() if future.cancelled() else future.exception()
             if isinstance(error, Cancelled):
                 self._on_state("", 0.0, f"{purpose}: cancelled")
             elif error is not None:

@@ -47,10 +47,12 @@ def test_25_sessions_opened_and_closed_leave_no_document_and_no_work(tmp_path):
         while documents(server) > before_any and time.monotonic() < deadline:
             time.sleep(1)
         assert documents(server) <= before_any
-        time.sleep(10)  # the probe's own collections end
+        # Work that stays is there all the time; Panel's collection for each page that is gone comes once, later.
         process = psutil.Process(server.pid)
-        before = sum(process.cpu_times()[:2])
-        time.sleep(5)
-        busy = (sum(process.cpu_times()[:2]) - before) / 5
-        assert busy < 0.01, f"{100 * busy:.1f} % of a core"
+        shares = []
+        while not shares or (shares[-1] >= 0.01 and len(shares) < 12):
+            before = sum(process.cpu_times()[:2])
+            time.sleep(5)
+            shares.append((sum(process.cpu_times()[:2]) - before) / 5)
+        assert shares[-1] < 0.01, f"{[f'{100 * share:.1f} %' for share in shares]} of a core"
         assert "Traceback" not in server.log.read_text()
