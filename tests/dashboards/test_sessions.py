@@ -51,13 +51,17 @@ def test_25_sessions_opened_and_closed_leave_no_document(tmp_path):
         assert "Traceback" not in server.log.read_text()
 
 
-@pytest.mark.xfail(
-    reason="2.8 % of a core was measured after the pages had gone: a collection every few seconds"
+BUSY = pytest.mark.xfail(
+    reason="not mended yet: after 25 pages 2.8 % of a core was measured where 1 % is wanted"
 )
-def test_pages_that_are_gone_leave_no_work(tmp_path):
+
+
+@pytest.mark.parametrize("pages", [1, pytest.param(SESSIONS, marks=BUSY)])
+def test_pages_that_are_gone_leave_no_work(tmp_path, pages):
     options = ("--unused-session-lifetime", "1000", "--check-unused-sessions", "500")
     with serving(tmp_path / "log", *options) as server:
-        asyncio.run(visit(server.url))
+        for _ in range(pages):
+            asyncio.run(visit(server.url))
         time.sleep(15)
         process = psutil.Process(server.pid)
         before = sum(process.cpu_times()[:2])
