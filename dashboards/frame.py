@@ -10,11 +10,13 @@ from functools import cache
 from importlib import import_module
 
 import panel as pn
+import panel.io.document
 import panel_material_ui as pmui
 
 from dashboards import guard
 from dashboards.keys import Keys
 from dashboards.session import UPLOAD_LIMIT_MB, Session
+from dashboards.tabs.tab import Tab
 from trackerlib import __version__
 from trackerlib.textfiles import InputError
 
@@ -124,6 +126,7 @@ def _collect_between_pages() -> None:
     gc.freeze()  # what is imported by now is none
     young, middle, _ = gc.get_threshold()
     gc.set_threshold(young, middle, 1000)
+    panel.io.document.GC_DEBOUNCE = 1  # s after a page has gone; Panel's 5 come to 10 when several go
 
 
 def serve_page(tabs=TABS) -> None:
@@ -150,10 +153,11 @@ class Workbench:
 
     def __init__(self, tabs=TABS, session: Session | None = None):
         self.session = session or Session()
-        self.tabs = [self._tab(one)(session=self.session) for one in tabs]
+        self._kinds = [self._kind(one) for one in tabs]
+        self._made: dict[int, Tab] = {}  # those shown so far, by their place
         self._shown = None
         self._tabs = pmui.Tabs(
-            *((tab.title, pn.Column(sizing_mode="stretch_both", margin=0)) for tab in self.tabs),
+            *((kind.title, pn.Column(sizing_mode="stretch_both", margin=0)) for kind in self._kinds),
             sizing_mode="stretch_both",
             dynamic=False,
             margin=0,
@@ -166,7 +170,7 @@ class Workbench:
                 "ctrl+z": self.session.undo,
                 "ctrl+y": self.session.redo,
                 "ctrl+shift+z": self.session.redo,
-                "space": lambda: self.tabs[self._tabs.active].play_or_pause(),
+                "space": lambda: self.tab.play_or_pause(),
             },
             typing=("ctrl+s", "ctrl+o"),
         )
@@ -178,8 +182,16 @@ class Workbench:
             show_close_button=True,
         )
 
+    @property
+    def tab(self) -> Tab:
+        """The tab in sight, made on its first showing."""
+        place = self._tabs.active
+        if place not in self._made:
+            self._made[place] = self._kinds[place](session=self.session)
+        return self._made[place]
+
     @staticmethod
-    def _tab(one):
+    def _kind(one) -> type[Tab]:
         if not isinstance(one, str):
             return one
         module, name = one.split(":")
@@ -220,11 +232,10 @@ class Workbench:
         def ended(context) -> None:
             pn.state.cache.pop(key, None)
             self.session.jobs.cancel()
-            for tab in self.tabs:
+            for tab in list(self._made.values()):
                 tab.close()
             self.session.close()
             _forget(document)
-            pn.state.execute(gc.collect, schedule=True)
 
         document.on_session_destroyed(ended)
         document.add_periodic_callback(self._tick, TICK_MS)
@@ -233,7 +244,7 @@ class Workbench:
 
     def _tick(self) -> None:
         try:
-            for tab in self.tabs:
+            for tab in list(self._made.values()):
                 tab.tick(TICK_MS / 1e3)
             self.session.tick(TICK_MS / 1e3)
         except Exception as error:
@@ -287,7 +298,7 @@ class Workbench:
         return menu
 
     def _resize(self, share: int) -> None:
-        layout = self.tabs[self._tabs.active]._layout
+        layout = self.tab._layout
         if layout is not None:
             layout.sizes = (share, 100 - share)
 
@@ -378,21 +389,19 @@ class Workbench:
 
     def _show(self, *events) -> None:
         """Fills the tab in sight on its first showing, and pauses the one before."""
-        tab = self.tabs[self._tabs.active]
-        if self._shown is tab:
-            return
+        place, kind = self._tabs[self._tabs.active], self._kinds[self._tabs.active]
         if self._shown is not None:
             self._shown.deactivate()
-        self._shown = tab
-        place = self._tabs[self._tabs.active]
+            self._shown = None
         try:
+            tab = self._shown = self.tab
             tab.activate()
             if not len(place):
                 place.append(tab.__panel__())
         except Exception as error:
-            log.error("tab %s could not be drawn", tab.title, exc_info=error)
+            log.error("tab %s could not be drawn", kind.title, exc_info=error)
             place[:] = [
-                pn.pane.Alert(f"{tab.title} cannot be drawn: {html.escape(str(error))}", alert_type="danger")
+                pn.pane.Alert(f"{kind.title} cannot be drawn: {html.escape(str(error))}", alert_type="danger")
             ]
 
     def _open(self) -> None:
@@ -403,7 +412,7 @@ class Workbench:
         self.session.say("Session saved to your downloads")
 
     def _export(self) -> None:
-        exported = self.tabs[self._tabs.active].export()
+        exported = self.tab.export()
         if exported is None:
             self.session.say("There is nothing to export in this tab yet")
             return

@@ -64,7 +64,12 @@ def serving(
             stdout=output,
             stderr=subprocess.STDOUT,
             cwd=ROOT,
-            env={**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONPATH": str(Path(__file__).parent)},
+            env={
+                **os.environ,
+                "PYTHONUNBUFFERED": "1",
+                "PYTHONPATH": str(Path(__file__).parent),
+                "TRACKERLIB_HUNTS": str(log.parent),
+            },
         )
     try:
         _wait(port, process, log)

@@ -9,7 +9,6 @@ import time
 import urllib.request
 
 import psutil
-import pytest
 from served import serving
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 from tornado.websocket import websocket_connect
@@ -33,7 +32,7 @@ def documents(server) -> int:
         return json.load(answer)["documents"]
 
 
-def test_25_sessions_opened_and_closed_leave_no_document(tmp_path):
+def test_25_sessions_opened_and_closed_leave_no_document_and_no_work(tmp_path):
     """Sessions are given up after 1 s instead of 15, so that what a minute brings is seen within seconds."""
     options = ("--unused-session-lifetime", "1000", "--check-unused-sessions", "500", "--plugins", "probe")
     with serving(tmp_path / "log", *options) as server:
@@ -48,23 +47,10 @@ def test_25_sessions_opened_and_closed_leave_no_document(tmp_path):
         while documents(server) > before_any and time.monotonic() < deadline:
             time.sleep(1)
         assert documents(server) <= before_any
-        assert "Traceback" not in server.log.read_text()
-
-
-BUSY = pytest.mark.xfail(
-    reason="not mended yet: after 25 pages 2.8 % of a core was measured where 1 % is wanted"
-)
-
-
-@pytest.mark.parametrize("pages", [1, pytest.param(SESSIONS, marks=BUSY)])
-def test_pages_that_are_gone_leave_no_work(tmp_path, pages):
-    options = ("--unused-session-lifetime", "1000", "--check-unused-sessions", "500")
-    with serving(tmp_path / "log", *options) as server:
-        for _ in range(pages):
-            asyncio.run(visit(server.url))
-        time.sleep(15)
+        time.sleep(10)  # the probe's own collections end
         process = psutil.Process(server.pid)
         before = sum(process.cpu_times()[:2])
         time.sleep(5)
         busy = (sum(process.cpu_times()[:2]) - before) / 5
         assert busy < 0.01, f"{100 * busy:.1f} % of a core"
+        assert "Traceback" not in server.log.read_text()
