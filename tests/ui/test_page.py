@@ -140,18 +140,25 @@ class Broken(Tab):
     def __init__(self, *args, **options):
         raise RuntimeError("the tide table is missing")
 
-serve_page([Broken])
+serve_page(TABS)
 """
 
 
-def test_a_failing_start_says_why_in_words(open_page, tmp_path):
-    (tmp_path / "broken.py").write_text(BROKEN)
+@pytest.mark.parametrize(
+    ("tabs", "says", "why"),
+    [
+        ('["tide_tables:TideTab"]', "could not start", "No module named 'tide_tables'"),
+        ("[Broken]", "Broken cannot be drawn", "the tide table is missing"),
+    ],
+)
+def test_a_failing_start_says_why_in_words(open_page, tmp_path, tabs, says, why):
+    (tmp_path / "broken.py").write_text(BROKEN.replace("TABS", tabs))
     command = ("-m", "panel", "serve", str(tmp_path / "broken.py"), "--setup", "dashboards/guard.py")
     with serving(tmp_path / "log", "--address", "127.0.0.1", command=command, page="broken") as broken:
         page, _ = open_page(broken.url)
-        expect(page.get_by_text("could not start")).to_be_visible(timeout=20_000)
-        expect(page.get_by_text("the tide table is missing")).to_be_visible()
-        assert "the tide table is missing" in broken.log.read_text()
+        expect(page.get_by_text(says).first).to_be_visible(timeout=20_000)
+        expect(page.get_by_text(why).first).to_be_visible()
+        assert why in broken.log.read_text()
 
 
 FAILING = """
