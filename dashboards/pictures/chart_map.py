@@ -46,6 +46,9 @@ class ChartMap:
             fig, "truth (simulated)", [truth], visible=False, marker="diamond", size=12, color=TRUTH
         )
         style_legend(fig)
+        legend = fig.legend[0]  # below: in so small a map it would lie on the beacon
+        fig.center.remove(legend)
+        fig.add_layout(legend, "below")
         for axis in (*fig.xaxis, *fig.yaxis):
             axis.ticker.desired_num_ticks = 3
         fig.min_border = 2

@@ -25,7 +25,7 @@ from trackerlib.beacon.planning import error_budget
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.commands.fix_document import document
 
-HISTORY_FIXES = 40  # fixes that "Fix history" spreads over the survey
+HISTORY_FIXES = 20  # fixes that "Fix history" spreads over the survey
 BESIDE = ("History", "Contours", "Iterations", "Estimators")  # what may stand beside the residuals
 
 

@@ -115,7 +115,7 @@ class ChartTab(Inputs, TraceActions, Tab):
             self.pass_words,
             self.bearing_words,
             heading("Where the ship was"),
-            drawn(self.map.figure, sizing_mode="stretch_width", height=260, margin=(0, 6)),
+            drawn(self.map.figure, sizing_mode="stretch_width", height=310, margin=(0, 6)),
             margin=0,
             sizing_mode="stretch_width",
         )
