@@ -30,7 +30,7 @@ from trackerlib.beacon.on_a_line import UNREACHABLE, fix_on_a_line
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix, blank_fix, timed
 from trackerlib.beacon.search import candidates_of
-from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, FixSettings
+from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, METHODS, FixSettings
 from trackerlib.beacon.unbiased import unbiased
 
 ONE_PLACE = 6.0  # times the ship's error: a track shorter than this is one place
@@ -51,7 +51,7 @@ def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
     """
     settings = settings or FixSettings()
     if settings.method == "pairs":
-        return fix_experiments(pings, settings)
+        return fix_experiments(pings, _without_false_returns(pings, settings))
     blank, allowed = blank_fix(pings, settings)
     if reason := _too_little(pings, allowed, settings):
         return replace(blank, reason=reason)
@@ -65,6 +65,16 @@ def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
             break
         blank = timed(blank, renewed, pings, allowed, settings)
     return fix
+
+
+def _without_false_returns(pings: Pings, settings: FixSettings) -> FixSettings:
+    """The settings of the thesis's experiments, which reject nothing, with what every ping together tells is false."""
+    if settings.reject == "none":
+        return settings
+    every = fix_beacon(pings, replace(settings, method=METHODS[0]))
+    return (
+        replace(settings, left_out=settings.left_out | set(every.rejected)) if every.converged else settings
+    )
 
 
 def _too_little(pings: Pings, allowed: np.ndarray, settings: FixSettings) -> str | None:

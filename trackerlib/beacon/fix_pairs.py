@@ -7,7 +7,7 @@ spread that the errors of the receptions really give it.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,110 +31,188 @@ TYPICAL_DEPTH_M = 2000.0  # to which the mean of a profile's speed is first take
 FIRST_DEPTH_M = 2500.0  # (4-6)
 
 
+@dataclass(frozen=True, eq=False)
+class _Receptions:
+    """Receptions that may be used, and the experiments made of them."""
+
+    rows: np.ndarray  # (R,) their pings
+    pairs: np.ndarray  # (N, 2) rows of these, first and second reception of each experiment
+    heard: np.ndarray  # (H,) rows that are in an experiment
+    ship: np.ndarray  # (R, 3) [m], about the survey's origin
+    elapsed: np.ndarray  # (R,) emission times [s]
+    time: np.ndarray  # (R,) [s]
+    centre: np.ndarray  # (3,) mean place of the ship, from which the box counts [m]
+    gps_rms_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """Where the search came to rest, and what it was told."""
+
+    state: np.ndarray  # (3 or 6,) about the centre [m], [m/s]
+    converged: bool
+    misfit: float
+    per_speed: np.ndarray  # how the state changes with the speed of sound [m per m/s]
+    noise: np.ndarray  # covariance of the state, where errors are as told
+    speed_mps: float
+    at_edge: bool
+    log: tuple[Step, ...]
+
+
 def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
     """The fix of the thesis's estimator, with the uncertainty that its shared receptions really give.
 
-    Nothing is rejected: every reception of every experiment counts. A profile enters by its mean speed down to
+    Nothing is rejected here: every reception of every experiment counts. A profile enters by its mean speed down to
     the beacon. Ship position error is ASSUMED_SHIP_RMS_M where it is not told; the scale comes from the misfit.
     """
-    moving = settings.motion != "still"
     blank, allowed = blank_fix(pings, settings)
     blank = replace(blank, used=np.zeros(len(pings), bool))
-    least_count, least_spacing = LEAST_EXPERIMENTS[moving]
-    rows = np.flatnonzero(allowed)
-    spacing = settings.spacing or max(min(least_spacing, len(rows) // 8), 1)
-    step = settings.step or spacing
-    most = max((len(rows) - 1 - spacing) // step + 1, 0) if len(rows) > spacing else 0
-    count = min(settings.experiments or most, most)
-    unknowns = 6 if moving else 3
-    if count < unknowns + 2 or (settings.experiments or 0) > most:
-        return replace(
-            blank,
-            reason=f"{len(rows)} usable pings make {most} experiments {spacing} receptions wide, {step} apart; "
-            f"wanted {max(settings.experiments or 0, unknowns + 2)}, so collect more or choose a smaller spacing "
-            f"(the thesis's least are {least_count} experiments at spacing {least_spacing})",
-        )
-    if moving and not pings.timed and settings.interval_s is None:
-        return replace(
-            blank,
-            reason="a moving beacon needs the instant of each ping: a column utc or time_s, or the interval",
-        )
-    pairs = experiments(count, spacing, step)
-    heard = np.unique(pairs)
-    ship, elapsed = blank.ship[rows], blank.elapsed_s[rows]
-    time = blank.time_s[rows]
-    gps_rms = ASSUMED_SHIP_RMS_M if settings.ship_rms_m is None else settings.ship_rms_m
-    track = straight_track(ship[heard])
-    if track.is_straight(max(gps_rms, 0.1)):
+    moving = settings.motion != "still"
+    pairs, reason = _experiments_of(int(np.count_nonzero(allowed)), settings)
+    if not reason and moving and not pings.timed and settings.interval_s is None:
+        reason = "a moving beacon needs the instant of each ping: a column utc or time_s, or the interval"
+    if reason:
+        return replace(blank, reason=reason)
+    heard = _receptions(blank, allowed, pairs, settings)
+    track = straight_track(heard.ship[heard.heard])
+    if track.is_straight(max(heard.gps_rms_m, 0.1)):
         unseen = unseen_beside_line(track)
         return replace(blank, reason=unseen[0].why, unobservable=unseen)
-
-    centre = np.array([*ship[heard, :2].mean(axis=0), 0.0])
-    box = SearchBox(settings.max_range_m, settings.max_depth_m, settings.max_speed_mps)
-    start = (0.0, 0.0, -min(FIRST_DEPTH_M, settings.max_depth_m / 2))
-    if settings.start is not None:
-        told = blank.frame.to_local(*settings.start[:2], -settings.start[2]) - centre
-        start = (float(told[0]), float(told[1]), float(told[2]))
-    depth, speed = TYPICAL_DEPTH_M, settings.sound_speed_mps
-    place, log = np.array(start), []
-    for _ in range(1 if settings.profile is None else 3):
-        if settings.profile is not None:
-            speed = float(settings.profile.extended(0.0, settings.max_depth_m).harmonic_mean(0.0, depth))
-        range_rms = speed * time_sigma(pings, settings)
-        places, ranges = (ship - centre)[None], (speed * time)[None]
-        fixes = fix_pairs(
-            places, ranges, elapsed, pairs, gps_rms, range_rms, moving=moving, box=box, start=start
-        )
-        log.append(_step(fixes, place, centre, count, speed, len(heard)))
-        place = fixes.estimate[0, :3]
-        depth = (
-            float(np.clip(-fixes.estimate[0, 2], 1.0, settings.max_depth_m)) if fixes.converged[0] else depth
-        )
-    if not fixes.converged[0]:
-        edge = np.abs(fixes.estimate[0]) > 0.999 * np.abs(box.limits(unknowns)[0])
+    rest = _search(heard, blank, time_sigma(pings, settings), settings)
+    if not rest.converged:
         where = (
-            "on the edge of the search region; widen it" if edge.any() else "nowhere; try more experiments"
+            "on the edge of the search region; widen it" if rest.at_edge else "nowhere; try more experiments"
         )
         return replace(
             blank,
             reason=f"the search came to rest {where}, or check the times and the speed of sound",
-            log=tuple(log),
+            log=rest.log,
         )
+    fix = _fixed(blank, allowed, heard, rest, settings)
+    slant_range = float(np.median(np.linalg.norm(fix.position - heard.ship[heard.heard], axis=1)))
+    for instant in (0.0, float(heard.elapsed[-1])):
+        unseen = unseen_directions(fix.at(instant)[1], slant_range, track)
+        if unseen:
+            return replace(fix, converged=False, reason=unseen[-1].why, unobservable=unseen)
+    return fix
 
-    state = fixes.estimate[0]
-    scale = float(fixes.misfit[0]) / (count - unknowns)  # 1 where the errors are as told (2-72), (2-73)
-    noise = scale * shared_covariance(places[0], ranges[0], elapsed, pairs, state, gps_rms, range_rms)
-    slightly = fix_pairs(
-        places,
-        ranges * (1 + 1 / speed),
-        elapsed,
+
+def _experiments_of(receptions: int, settings: FixSettings) -> tuple[np.ndarray, str]:
+    """Experiments (N, 2) as the settings ask, and why there cannot be as many, "" if there can."""
+    moving = settings.motion != "still"
+    least_count, least_spacing = LEAST_EXPERIMENTS[moving]
+    spacing = settings.spacing or max(min(least_spacing, receptions // 8), 1)
+    step = settings.step or spacing
+    most = max((receptions - 1 - spacing) // step + 1, 0) if receptions > spacing else 0
+    count = min(settings.experiments or most, most)
+    wanted = max(settings.experiments or 0, (6 if moving else 3) + 2)
+    if count < wanted:
+        return np.empty((0, 2), int), (
+            f"{receptions} usable pings make {most} experiments {spacing} receptions wide, {step} apart; "
+            f"wanted {wanted}, so collect more or choose a smaller spacing "
+            f"(the thesis's least are {least_count} experiments at spacing {least_spacing})"
+        )
+    return experiments(count, spacing, step), ""
+
+
+def _receptions(
+    blank: BeaconFix, allowed: np.ndarray, pairs: np.ndarray, settings: FixSettings
+) -> _Receptions:
+    rows, heard = np.flatnonzero(allowed), np.unique(pairs)
+    ship = blank.ship[rows]
+    return _Receptions(
+        rows,
         pairs,
-        gps_rms,
-        range_rms,
-        moving=moving,
-        box=box,
-        start=start,
+        heard,
+        ship,
+        blank.elapsed_s[rows],
+        blank.time_s[rows],
+        centre=np.array([*ship[heard, :2].mean(axis=0), 0.0]),
+        gps_rms_m=ASSUMED_SHIP_RMS_M if settings.ship_rms_m is None else settings.ship_rms_m,
     )
-    by_speed = slightly.estimate[0] - state  # refitted with 1 m/s more
-    position, velocity = state[:3] + centre, state[3:] if moving else None
-    lat, lon, up = blank.frame.to_geodetic(position)
-    where_at = position + (elapsed[:, None] * velocity if moving else 0.0)
-    residual = time - np.linalg.norm(where_at - ship, axis=1) / speed
-    offset = float(np.mean(residual[heard]))
-    residuals = np.full(len(pings), np.nan)
-    residuals[rows] = residual - offset
-    used = np.zeros(len(pings), bool)
-    used[rows[heard]] = True
+
+
+def _search(heard: _Receptions, blank: BeaconFix, time_rms_s: float, settings: FixSettings) -> _Rest:
+    """The search, again where a profile's mean speed changes with the depth that was found."""
+    moving, profile = settings.motion != "still", settings.profile
+    box = SearchBox(settings.max_range_m, settings.max_depth_m, settings.max_speed_mps)
+    start = _start(heard, blank, settings)
+    places = (heard.ship - heard.centre)[None]
+
+    def rest_at(speed: float, by: float = 0.0) -> PairFixes:
+        """With a speed of sound more, errors of time told at the speed without it."""
+        return fix_pairs(
+            places, ((speed + by) * heard.time)[None], heard.elapsed, heard.pairs, heard.gps_rms_m,
+            speed * time_rms_s, moving=moving, box=box, start=start,
+        )  # fmt: skip
+
+    depth, speed = TYPICAL_DEPTH_M, settings.sound_speed_mps
+    place, log = np.array(start), []
+    for _ in range(1 if profile is None else 3):
+        if profile is not None:
+            speed = float(profile.extended(0.0, settings.max_depth_m).harmonic_mean(0.0, depth))
+        fixes = rest_at(speed)
+        log.append(_step(fixes, place, heard, speed))
+        place = fixes.estimate[0, :3]
+        if fixes.converged[0]:
+            depth = float(np.clip(-place[2], 1.0, settings.max_depth_m))
+    state, converged = fixes.estimate[0], bool(fixes.converged[0])
+    spread = np.full((len(state),) * 2, np.nan)
+    if converged:
+        spread = shared_covariance(
+            places[0],
+            speed * heard.time,
+            heard.elapsed,
+            heard.pairs,
+            state,
+            heard.gps_rms_m,
+            speed * time_rms_s,
+        )
+    return _Rest(
+        state,
+        converged,
+        float(fixes.misfit[0]),
+        per_speed=rest_at(speed, by=1.0).estimate[0] - state if converged else np.full(len(state), np.nan),
+        noise=spread,
+        speed_mps=speed,
+        at_edge=bool((np.abs(state) > 0.999 * np.abs(box.limits(len(state))[0])).any()),
+        log=tuple(log),
+    )
+
+
+def _start(heard: _Receptions, blank: BeaconFix, settings: FixSettings) -> tuple[float, float, float]:
+    """Where the search begins, about the centre [m]: (4-6), or where the settings say."""
+    if settings.start is None:
+        return 0.0, 0.0, -min(FIRST_DEPTH_M, settings.max_depth_m / 2)
+    east, north, up = blank.frame.to_local(*settings.start[:2], -settings.start[2]) - heard.centre
+    return float(east), float(north), float(up)
+
+
+def _fixed(
+    blank: BeaconFix, allowed: np.ndarray, heard: _Receptions, rest: _Rest, settings: FixSettings
+) -> BeaconFix:
+    """The fix of a search that converged, with residuals of every usable ping."""
+    freedom = len(heard.pairs) - len(rest.state)
+    position = rest.state[:3] + heard.centre
+    velocity = rest.state[3:] if len(rest.state) > 3 else None
+    where_at = position + (0.0 if velocity is None else heard.elapsed[:, None] * velocity)
+    late = heard.time - np.linalg.norm(where_at - heard.ship, axis=1) / rest.speed_mps
+    offset = float(np.mean(late[heard.heard]))
+    residuals, used = np.full(len(allowed), np.nan), np.zeros(len(allowed), bool)
+    residuals[heard.rows] = late - offset
+    used[heard.rows[heard.heard]] = True
+    noise = rest.misfit / freedom * rest.noise  # the factor is 1 where errors are as told (2-72), (2-73)
     uncertainty = Uncertainty(
-        covariance=noise + settings.speed_sigma_mps**2 * np.outer(by_speed, by_speed),
+        covariance=noise + settings.speed_sigma_mps**2 * np.outer(rest.per_speed, rest.per_speed),
         noise_covariance=noise,
-        by_sound_speed=by_speed,
+        by_sound_speed=rest.per_speed,
         speed_sigma_mps=settings.speed_sigma_mps,
         rms_s=float(np.sqrt(np.mean(residuals[used] ** 2))),
         correlation=ResidualCorrelation(),
-        degrees_of_freedom=float(count - unknowns),
+        degrees_of_freedom=float(freedom),
     )
-    fix = replace(
+    lat, lon, up = blank.frame.to_geodetic(position)
+    return replace(
         blank,
         offered=used | ~allowed,
         converged=True,
@@ -147,28 +225,20 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
         residual_s=residuals,
         uncertainty=uncertainty,
         emission_offset_s=offset,
-        log=tuple(log),
-        sound_speed_mps=speed,
+        log=rest.log,
+        sound_speed_mps=rest.speed_mps,
         sigma_sound_speed_mps=settings.speed_sigma_mps,
     )
-    slant_range = float(np.median(np.linalg.norm(position - ship[heard], axis=1)))
-    for instant in (0.0, float(elapsed[-1])):
-        unseen = unseen_directions(fix.at(instant)[1], slant_range, track)
-        if unseen:
-            return replace(fix, converged=False, reason=unseen[-1].why, unobservable=unseen)
-    return fix
 
 
-def _step(
-    fixes: PairFixes, before: np.ndarray, centre: np.ndarray, count: int, speed: float, pings: int
-) -> Step:
+def _step(fixes: PairFixes, before: np.ndarray, heard: _Receptions, speed_mps: float) -> Step:
     """Where one search came to rest: its steps in a compiled loop are counted, not kept."""
     return Step(
-        stage=f"{count} experiments at {speed:.1f} m/s",
+        stage=f"{len(heard.pairs)} experiments at {speed_mps:.1f} m/s",
         iteration=int(fixes.iterations[0]),
-        position=fixes.estimate[0, :3] + centre,
+        position=fixes.estimate[0, :3] + heard.centre,
         rms_ms=None,
         step_m=float(np.linalg.norm(fixes.estimate[0, :3] - before)),
         damping=None,
-        pings=pings,
+        pings=len(heard.heard),
     )

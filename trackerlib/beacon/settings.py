@@ -17,6 +17,22 @@ ASSUMED_SHIP_TIME_S = 60.0
 METHODS = ("all-pings", "pairs", "least-squares")
 
 
+LIMITS = {
+    "sound_speed_mps": (1300, 1700),
+    "sound_speed_sigma_mps": (0, 100),
+    "gps_correlation_s": (0.001, 1_000_000),
+    "sample_interval_ms": (0, 10_000),
+    "max_range_m": (1, 1_000_000),
+    "max_depth_m": (1, 12_000),
+    "hydrophone_depth_m": (0, 12_000),
+    "max_speed_mps": (0.001, 100),
+    "interval_s": (0.01, 86_400),
+    "experiments": (1, 1_000_000),
+    "spacing": (1, 1_000_000),
+    "step": (1, 1_000_000),
+}
+
+
 @dataclass(frozen=True, eq=False)
 class FixSettings:
     """Settings of a fix; every default is a number a hunt can start with.
@@ -59,21 +75,7 @@ class FixSettings:
     left_out: frozenset[int] = frozenset()  # ping numbers the analyst leaves out by hand
 
     def __post_init__(self):
-        limits = {
-            "sound_speed_mps": (1300, 1700),
-            "sound_speed_sigma_mps": (0, 100),
-            "gps_correlation_s": (0.001, 1_000_000),
-            "sample_interval_ms": (0, 10_000),
-            "max_range_m": (1, 1_000_000),
-            "max_depth_m": (1, 12_000),
-            "hydrophone_depth_m": (0, 12_000),
-            "max_speed_mps": (0.001, 100),
-            "interval_s": (0.01, 86_400),
-            "experiments": (1, 1_000_000),
-            "spacing": (1, 1_000_000),
-            "step": (1, 1_000_000),
-        }
-        for name, (low, high) in limits.items():
+        for name, (low, high) in LIMITS.items():
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise ValueError(f"{name} is {value:g}; wanted {low:g} to {high:g}")
@@ -93,6 +95,11 @@ class FixSettings:
         for name, values in (("motion", MOTIONS), ("method", METHODS)):
             if getattr(self, name) not in values:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; wanted one of {', '.join(values)}")
+        self._refuse_contradictions()
+        if self.method == "pairs":
+            self._refuse_beyond_pairs()
+
+    def _refuse_contradictions(self) -> None:
         if self.interval_s is not None and self.emission_known:
             raise ValueError("times folded at an interval are not true travel times; tell one or the other")
         if self.estimate_interval and self.interval_s is None:
@@ -107,6 +114,8 @@ class FixSettings:
             raise ValueError(
                 "a speed of sound of sigma 0 is known, not estimated; tell sound_speed_sigma_mps"
             )
+
+    def _refuse_beyond_pairs(self) -> None:
         beyond = {
             "estimate_sound_speed": self.estimate_sound_speed,
             "estimate_interval": self.estimate_interval,
@@ -114,10 +123,10 @@ class FixSettings:
             "antenna_sigma_m": any(self.antenna_sigma_m),
             "two values of gps_rms_m": np.size(self.gps_rms_m) == 2,
         }
-        if self.method == "pairs" and any(beyond.values()):
+        if any(beyond.values()):
             told = ", ".join(name for name, value in beyond.items() if value)
             raise ValueError(f"the thesis's pairs know no {told}; use all-pings")
-        if self.method == "pairs" and (self.emission_known or self.motion in ("vertical", "horizontal")):
+        if self.emission_known or self.motion in ("vertical", "horizontal"):
             raise ValueError(
                 "pairs of receptions are for an unknown emission time and a motion still or free"
             )

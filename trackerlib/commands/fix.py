@@ -34,11 +34,35 @@ SUMMARY = "fix a beacon from a survey file"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `fix`."""
-    defaults = FixSettings()
+    _about_the_file(parser)
+    _about_the_estimator(parser)
+    _about_the_water_and_the_clock(parser)
+    _about_the_ship(parser)
+    _about_the_answer(parser)
+
+
+def _about_the_file(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("pings", type=Path, metavar="PINGS", help="csv of pings, or a survey log of the SIO or WHOI kind")
     add("--format", choices=LAYOUTS, default="auto", help="layout of the file (default: look at it)")
     add("--transponder", metavar="NAME", help="which one, where a csv holds several")
+    add(
+        "--navigation",
+        type=Path,
+        metavar="FILE",
+        help="csv time_s, lat_deg, lon_deg, hdop, heading_deg; PINGS then "
+        "has arrival_s by the same clock, and --interval-s is needed",
+    )
+    add(
+        "--sample-interval-ms",
+        type=float,
+        metavar="S",
+        help="step of the one-way times (default: found in the file)",
+    )
+
+
+def _about_the_estimator(parser: argparse.ArgumentParser) -> None:
+    add, defaults = parser.add_argument, FixSettings()
     add(
         "--method",
         choices=METHODS,
@@ -52,7 +76,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     motion.add_argument("--motion", choices=MOTIONS, default=MOTIONS[0], help="how the beacon may move")
     motion.add_argument("--moving", dest="motion", action="store_const", const="free", help="--motion free")
     add("--max-speed-mps", type=float, default=defaults.max_speed_mps, metavar="V", help="of the beacon")
-    add("--interval-s", type=float, metavar="T", help="of the pinger: times are known up to multiples of it")
+    add("--start", type=_place, metavar="LAT,LON,DEPTH_M", help="a further place to start from")
+    add("--max-range-m", type=float, default=defaults.max_range_m, metavar="R")
+    add("--max-depth-m", type=float, default=defaults.max_depth_m, metavar="D")
+    add(
+        "--reject",
+        choices=("auto", "none"),
+        default="auto",
+        help="leave out false returns (of experiments: those that every ping tells), or nothing",
+    )
+
+
+def _about_the_water_and_the_clock(parser: argparse.ArgumentParser) -> None:
+    add, defaults = parser.add_argument, FixSettings()
     water = parser.add_mutually_exclusive_group()
     water.add_argument("--sound-speed-mps", type=float, default=defaults.sound_speed_mps, metavar="C")
     water.add_argument("--profile", type=Path, metavar="FILE", help="csv depth_m, speed_mps")
@@ -60,6 +96,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--estimate-sound-speed", action="store_true", help="too; the one told and its sigma are the prior")
     add("--estimate-interval", action="store_true", help="too; the one told is nearly right")
     add("--estimate-interval-drift", action="store_true", help="and how it changes")
+    add("--interval-s", type=float, metavar="T", help="of the pinger: times are known up to multiples of it")
+    add("--emission-known", action="store_true", help="times are true travel times")
+    add(
+        "--turnaround-ms",
+        type=float,
+        metavar="T",
+        help="delay inside two-way times (default: the file's, else 13)",
+    )
+
+
+def _about_the_ship(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
     add(
         "--gps-rms-m",
         type=_one_or_two,
@@ -74,30 +122,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="H[,V]",
         help="sigma of the offset from antenna to hydrophone: each of forward and starboard, and down",
     )
-    add(
-        "--sample-interval-ms",
-        type=float,
-        metavar="S",
-        help="step of the one-way times (default: found in the file)",
-    )
-    add("--emission-known", action="store_true", help="times are true travel times")
-    add(
-        "--turnaround-ms",
-        type=float,
-        metavar="T",
-        help="delay inside two-way times (default: the file's, else 13)",
-    )
-    add("--start", type=_place, metavar="LAT,LON,DEPTH_M", help="a further place to start from")
-    add("--max-range-m", type=float, default=defaults.max_range_m, metavar="R")
-    add("--max-depth-m", type=float, default=defaults.max_depth_m, metavar="D")
     add("--hydrophone-depth-m", type=float, default=0.0, metavar="H", help="where the file does not say")
-    add(
-        "--navigation",
-        type=Path,
-        metavar="FILE",
-        help="csv time_s, lat_deg, lon_deg, hdop, heading_deg; PINGS then "
-        "has arrival_s by the same clock, and --interval-s is needed",
-    )
     add(
         "--greatest-hdop", type=float, default=10.0, metavar="H", help="positions of this or more are refused"
     )
@@ -115,6 +140,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="F,S,D",
         help="from antenna to hydrophone: forward, starboard, down",
     )
+
+
+def _about_the_answer(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
     add(
         "--export",
         type=Path,
@@ -131,7 +160,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--compare", action="store_true", help="also score the motions and speeds of sound to choose from")
     add("--log", action="store_true", help="also tell how the minimisation went, step by step")
     add("--gpx-version", choices=("1.1", "1.0"), default="1.1", help="of an exported .gpx")
-    add("--reject", choices=("auto", "none"), default="auto", help="leave out false returns, or nothing")
 
 
 def read(args: argparse.Namespace) -> tuple[Pings, FixSettings]:
@@ -266,9 +294,21 @@ def _intervals(pings: Pings, fix: BeaconFix, settings: FixSettings, how: str | N
 
 def report(answer: dict) -> str:
     """The answer of `fix` for a person."""
+    lines = [] if answer["converged"] else [f"No fix: {answer['reason']}"]
+    lines += _place_lines(answer) + _clock_lines(answer)
+    if "present" in answer:
+        lines += _motion_lines(answer)
+    lines += _further_lines(answer)
+    named, more = answer["rejected"][:MOST_NAMED], len(answer["rejected"]) - MOST_NAMED
+    rejected = (", ".join(map(str, named)) or "none") + (f" and {more} more" if more > 0 else "")
+    lines.append(f"pings     {answer['used']} of {answer['pings']} used; left out: {rejected}")
+    lines += [f"step      {step['words']}" for step in answer.get("log", [])]
+    return "\n".join(lines)
+
+
+def _place_lines(answer: dict) -> list[str]:
+    """Where it lies, and how surely."""
     lines = []
-    if not answer["converged"]:
-        lines.append(f"No fix: {answer['reason']}")
     if answer["lat_deg"] is not None:
         lines.append(
             f"{'position' if answer['converged'] else 'best guess'}  {answer['lat_deg']:.7f}, {answer['lon_deg']:.7f}"
@@ -292,6 +332,12 @@ def report(answer: dict) -> str:
                 for name, (low, high) in answer["interval95_m"].items()
             )
         )
+    return lines
+
+
+def _clock_lines(answer: dict) -> list[str]:
+    """The pinger's interval, where it was estimated."""
+    lines = []
     if "interval_s" in answer:
         lines.append(
             f"pinger    every {value_with_sigma(answer['interval_s'], answer['sigma_interval_s'], 's')}"
@@ -299,28 +345,39 @@ def report(answer: dict) -> str:
     if "interval_drift_ppm_per_hour" in answer:
         drift, sigma = answer["interval_drift_ppm_per_hour"], answer["sigma_interval_drift_ppm_per_hour"]
         lines.append(f"drift     {value_with_sigma(drift, sigma, 'ppm')} an hour")
-    if "present" in answer:
-        now, velocity, sigma = answer["present"], answer["velocity_mps"], answer["sigma_velocity_mps"]
-        lines.append("that was at the first ping; it moves")
-        lines.append(
-            "velocity  "
-            + ", ".join(
-                f"{value_with_sigma(value, error, 'm/s')} {way}"
-                for value, error, way in zip(velocity, sigma, ("east", "north", "up"), strict=True)
-                if error > 0
-            )
+    return lines
+
+
+def _motion_lines(answer: dict) -> list[str]:
+    """How it moves, where it is by now, and where it comes up."""
+    lines = []
+    now, velocity, sigma = answer["present"], answer["velocity_mps"], answer["sigma_velocity_mps"]
+    lines.append("that was at the first ping; it moves")
+    lines.append(
+        "velocity  "
+        + ", ".join(
+            f"{value_with_sigma(value, error, 'm/s')} {way}"
+            for value, error, way in zip(velocity, sigma, ("east", "north", "up"), strict=True)
+            if error > 0
         )
+    )
+    lines.append(
+        f"now       {now['lat_deg']:.7f}, {now['lon_deg']:.7f}, depth {now['depth_m']:.1f} m; sigma "
+        f"{now['sigma_east_m']:.2g} m east, {now['sigma_north_m']:.2g} m north, {now['sigma_depth_m']:.2g} m depth"
+    )
+    if "surfaces" in answer:
+        up = answer["surfaces"]
         lines.append(
-            f"now       {now['lat_deg']:.7f}, {now['lon_deg']:.7f}, depth {now['depth_m']:.1f} m; sigma "
-            f"{now['sigma_east_m']:.2g} m east, {now['sigma_north_m']:.2g} m north, {now['sigma_depth_m']:.2g} m depth"
+            f"surfaces  {value_with_sigma(up['epoch_s'], up['sigma_epoch_s'], 's')} after the first ping, at "
+            f"{up['lat_deg']:.6f}, {up['lon_deg']:.6f} (sigma {up['sigma_east_m']:.2g} m east, "
+            f"{up['sigma_north_m']:.2g} m north)"
         )
-        if "surfaces" in answer:
-            up = answer["surfaces"]
-            lines.append(
-                f"surfaces  {value_with_sigma(up['epoch_s'], up['sigma_epoch_s'], 's')} after the first ping, at "
-                f"{up['lat_deg']:.6f}, {up['lon_deg']:.6f} (sigma {up['sigma_east_m']:.2g} m east, "
-                f"{up['sigma_north_m']:.2g} m north)"
-            )
+    return lines
+
+
+def _further_lines(answer: dict) -> list[str]:
+    """What the errors are made of, what fits as well, and what is to be noted."""
+    lines = []
     if "error_budget_m" in answer:
         causes = [
             f"{values[2]:.2g} m {name.replace('_', ' ')}" for name, values in answer["error_budget_m"].items()
@@ -339,11 +396,7 @@ def report(answer: dict) -> str:
         for a in answer["alternatives"]
     ]
     lines += [f"note      {sentence}" for sentence in answer["warnings"]]
-    named, more = answer["rejected"][:MOST_NAMED], len(answer["rejected"]) - MOST_NAMED
-    rejected = (", ".join(map(str, named)) or "none") + (f" and {more} more" if more > 0 else "")
-    lines.append(f"pings     {answer['used']} of {answer['pings']} used; left out: {rejected}")
-    lines += [f"step      {step['words']}" for step in answer.get("log", [])]
-    return "\n".join(lines)
+    return lines
 
 
 def _bound(value: float) -> str:
