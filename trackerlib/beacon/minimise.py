@@ -9,7 +9,7 @@ places that make their own weights small.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -201,6 +201,16 @@ class Misfit:
         pings = np.einsum("snk,sn->sk", self.gradient, self.weight * self.residual)
         return (pings + np.einsum("slk,sl->sk", self.follow, self.prior * self.linear)) @ axes.T
 
+    def or_better(self, trial: Misfit, better: np.ndarray) -> Misfit:
+        """This misfit, and that of `trial` for the positions where `better` (S,)."""
+        if better.all() or not better.any():
+            return trial if better.any() else self
+        kept = {"prior": self.prior}
+        for name in (field.name for field in fields(self) if field.name != "prior"):
+            mine, other = getattr(self, name), getattr(trial, name)
+            kept[name] = np.where(better.reshape(-1, *[1] * (mine.ndim - 1)), other, mine)
+        return Misfit(**kept)
+
 
 def descend(problem, beacon, weight, *, steps, axes, log=None):
     """States (S, P) after some Levenberg-Marquardt steps with frozen weights, and the last step [m].
@@ -225,7 +235,7 @@ def descend(problem, beacon, weight, *, steps, axes, log=None):
         moved = np.where(better, np.linalg.norm(trial - beacon, axis=1), np.linalg.norm(step, axis=1))
         damping = np.clip(np.where(better, damping * 0.1, damping * 10), 1e-12, 1e6)
         beacon = np.where(better[:, None], trial, beacon)
-        misfit = problem.eliminate(beacon, weight)
+        misfit = misfit.or_better(trial_misfit, better)
         if log is not None:
             log.note(beacon, misfit, moved, damping)
         if np.all(moved < 1e-5):
