@@ -14,21 +14,25 @@ from trackerlib.beacon.pings import Ping, PingLog
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.frames import LocalFrame
 from trackerlib.simulation.beacon_survey import Errors, sail, simulate_survey
+from trackerlib.surveyfiles.survey import read_survey
 
 SETTINGS = FixSettings(gps_rms_m=2.0)
 
 
+FRAME, TRUTH = LocalFrame(35.0, 20.0), np.array([900.0, 400.0, -1600.0])
+
+
+def sailed(step_m, gps_rms_m, seed):
+    """Three legs of a triangle, a ping every so many metres."""
+    legs = np.array([[10.0, 1500.0], [130.0, 1500.0], [250.0, 1500.0]])
+    track = sail(legs, np.zeros(2), 2.5, step_m / 2.5)
+    errors = Errors(gps_rms_m=gps_rms_m, time_rms_s=0.0003)
+    return simulate_survey(track, TRUTH, StraightPaths(1500.0), FRAME, np.random.default_rng(seed), errors)
+
+
 @pytest.fixture(scope="module")
 def pings():
-    track = sail(np.array([[10.0, 1500.0], [130.0, 1500.0], [250.0, 1500.0]]), np.zeros(2), 2.5, 3.0)
-    return simulate_survey(
-        track,
-        np.array([900.0, 400.0, -1600.0]),
-        StraightPaths(1500.0),
-        LocalFrame(35.0, 20.0),
-        np.random.default_rng(3),
-        Errors(gps_rms_m=2.0, time_rms_s=0.0003),
-    )
+    return sailed(7.5, 2.0, 3)
 
 
 def in_steps(pings, settings, steps):
@@ -47,6 +51,36 @@ def test_the_answer_is_the_batch_s_however_the_pings_come(pings):
         assert np.array_equal(fix.number, pings.number)
         assert (np.abs(fix.position - whole.position) < 0.3 * whole.sigma).all()
         assert np.nanmedian(np.abs(fix.residual_s - whole.residual_s)) < 0.3 * whole.uncertainty.rms_s
+
+
+@pytest.mark.parametrize(("step_m", "gps_rms_m"), [(25.0, 2.0), (25.0, 10.0), (100.0, 3.0), (200.0, 3.0)])
+def test_pings_far_apart_have_the_batch_s_answer_too(step_m, gps_rms_m):
+    settings = FixSettings(gps_rms_m=gps_rms_m, sample_interval_ms=1.0, sound_speed_sigma_mps=0.0)
+    for seed in range(4):
+        survey = sailed(step_m, gps_rms_m, seed)
+        whole, fix = fix_beacon(survey, settings), in_steps(survey, settings, (len(survey),))
+        assert (np.abs(fix.position - whole.position) < 0.5 * whole.sigma).all()
+        assert fix.sigma == pytest.approx(whole.sigma, rel=0.2)
+
+
+def test_a_first_fix_that_was_believed_wrongly_is_given_up():
+    """Times said to be exact make the first dozen pings look sure of a wrong place."""
+    settings = FixSettings(gps_rms_m=10.0, sound_speed_sigma_mps=0.0)
+    survey = sailed(25.0, 10.0, 11)
+    early = in_steps(survey, settings, (20,))
+    assert not early.converged
+    fix = in_steps(survey, settings, (len(survey),))
+    assert fix.converged
+    assert (np.abs(FRAME.to_local(*fix.frame.to_geodetic(fix.position)) - TRUTH) < 4 * fix.sigma).all()
+
+
+def test_a_real_survey_of_49_pings_has_the_batch_s_answer(real_surveys):
+    survey = read_survey(real_surveys / "WC03" / "survey.txt").pings
+    for gps_rms_m in (None, 2.0):
+        settings = FixSettings(gps_rms_m=gps_rms_m, sound_speed_mps=1507.0)
+        whole, fix = fix_beacon(survey, settings), in_steps(survey, settings, (*range(3, 49, 7), 49))
+        assert fix.converged, fix.reason
+        assert (np.abs(fix.position - whole.position) < 0.1 * whole.sigma).all()
 
 
 def test_where_the_ship_s_error_is_not_known_it_is_as_wide_as_the_batch(pings):

@@ -25,8 +25,10 @@ from trackerlib.beacon.paths import paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
+from trackerlib.beacon.small_systems import scaled_solve
 from trackerlib.beacon.squared_sums import ONE
 from trackerlib.beacon.squared_sums import RANGE as RANGES
+from trackerlib.beacon.unbiased import NEIGHBOUR_SHARE
 from trackerlib.beacon.uncertainty import Uncertainty
 from trackerlib.compiled import compiled, warms
 from trackerlib.frames import LocalFrame
@@ -35,7 +37,9 @@ from trackerlib.residuals import correlation_from
 NEIGHBOURS = 10  # pings on either side whose straight line stands for the ship's place
 KEPT = 1 << 17  # pings kept, three and a half hours at ten a second; older ones live on in the sums
 FIRST_COUNT, GROWTH = 8, 1.5  # when a first fix is tried
+FEW = 200  # pings, up to which the last ones count in where instruments are taken
 FARTHEST = 0.2  # of the slant range: how far one ping may move a fix
+LEAST_FOLLOWED = 0.6  # share of the pings that must fit
 LAGS = 128  # of residuals whose correlation is followed
 STEPS = 30
 RANGE_SQUARED = squared_sums.COLUMNS  # the sums' last column, after those of squared_sums
@@ -125,9 +129,19 @@ class LiveFix:
         lat, lon, up = fix.frame.to_geodetic(fix.position)
         place = self.frame.to_local(lat, lon, up)
         velocity = np.zeros(3) if fix.velocity is None else fix.velocity
+        self._scale = self._scale_of(fix)
         place = place - self._rows[0, TIME] * velocity
         self._theta = np.concatenate([place, [0.0], velocity] if self._moving else [place, [0.0]])
         self._renew()
+
+    def _scale_of(self, fix: BeaconFix) -> float:
+        """How many times as large as told the errors of a fix are."""
+        gps, time = self._variances()
+        residual = fix.residual_s[fix.used] * self._speed_mps
+        offset = fix.position - fix.ship[fix.used]
+        level = 1 - offset[:, 2] ** 2 / np.sum(offset**2, axis=1)
+        freedom = max(len(residual) - self._unknowns, 1)
+        return float(np.sqrt(np.sum(residual**2 / (gps * level + time)) / freedom))
 
     def _as_pings(self, count: int) -> Pings:
         rows = self._rows[:count]
@@ -155,11 +169,17 @@ class LiveFix:
 
     def _renew(self) -> None:
         """Makes the sums afresh from the pings kept, with instruments at the present fix."""
-        for _ in range(3):
+        for step in range(3):
             if self._theta is None:
                 return
             self._all_ranges()
+            if step == 0:  # what they tell does not hang on their times, false ones among them
+                every = _Sums(self._unknowns)
+                self._add_to(every, 0, self.count, cut=np.inf)
+                _invert(every.spread, self._sums.told)
+            told = self._sums.told
             self._sums = _Sums(self._unknowns)
+            self._sums.told[:] = told
             self._absorbed = 0
             self._absorb()
         self._next_renewal = 2 * self.count
@@ -182,30 +202,47 @@ class LiveFix:
         """Adds to the sums every ping whose neighbours on both sides have come, and solves them."""
         ready = self.count - NEIGHBOURS
         if ready > self._absorbed:
-            gps, time = self._variances()
-            self._absorbed = _absorb(
-                self._rows, self._absorbed, ready, self.count, self._theta, gps, time, CUT, self._scale,
-                *self._sums.arrays,
-            )  # fmt: skip
-        self._solve()
+            self._absorbed = self._add_to(self._sums, self._absorbed, ready)
+        if self.count > FEW:
+            self._solve(self._sums, self._absorbed)
+        else:
+            self._solve(self._with_the_last(), self.count)
+
+    def _add_to(self, sums: _Sums, first: int, last: int, cut: float = CUT) -> int:
+        """Adds pings first to last (their running numbers) to the sums; `last`."""
+        gps, time = self._variances()
+        return _absorb(
+            self._rows, first, last, self.count, self._theta, gps, time, cut, self._scale, *sums.arrays
+        )
+
+    def _with_the_last(self) -> _Sums:
+        """The sums, with the last pings, whose neighbours after them have not come yet."""
+        sums = self._sums.copy()
+        self._add_to(sums, self._absorbed, self.count)
+        return sums
 
     def _variances(self) -> tuple[float, float]:
         """Variances [m^2] of a ship position (each axis) and of a range, before scaling to the residuals."""
         return (self.settings.ship_rms_m or 0.0) ** 2, (self._speed_mps * self._time_sigma_s) ** 2
 
-    def _solve(self) -> None:
+    def _solve(self, sums: _Sums, seen: int) -> None:
+        """Moves the fix to where the sums of so many pings seen have it."""
         theta = self._theta.copy()
-        solved = _solve_sums(self._sums.moments, theta) and theta[2] < self._rows[0, UP]
+        solved = _solve_sums(sums.moments, theta) and theta[2] < self._rows[0, UP]
         reach = FARTHEST * np.linalg.norm(self._theta[:3] - self._rows[(self.count - 1) % KEPT, :3])
-        if solved and np.linalg.norm(theta[:3] - self._theta[:3]) < reach:
+        followed = sums.tally[0] >= LEAST_FOLLOWED * seen
+        if solved and followed and np.linalg.norm(theta[:3] - self._theta[:3]) < reach:
             self._theta = theta
-        elif self.count <= KEPT:  # no root near by: a fix that was believed too early
-            self._theta, self.reason = None, "the pings that followed moved the first fix too far; sail on"
-            self._next_try = int(np.ceil(GROWTH * self.count))
+        elif self.count <= KEPT:  # a fix that was believed too early
+            self._theta, self._next_try = None, int(np.ceil(GROWTH * self.count))
+            self.reason = "the pings that followed moved the first fix too far; sail on"
+            if not followed:
+                self.reason = "most pings that followed do not fit the first fix; sail on"
             return
-        used = self._sums.tally[0]
+        used = sums.tally[0]
         if used > self._unknowns + 3:
-            self._scale = max(float(np.sqrt(self._sums.tally[1] / (used - self._unknowns))), 1e-3)
+            self._scale = max(float(np.sqrt(sums.tally[1] / (used - self._unknowns))), 1e-3)
+            _invert(sums.spread, self._sums.told)
 
     # -- the answer ----------------------------------------------------------------------------
 
@@ -216,20 +253,7 @@ class LiveFix:
             if self._first is not None:
                 return replace(self._first, converged=False, reason=self.reason)
             return fix_beacon(self._as_pings(kept), self.settings)  # fewer than a first try needs
-        theta, sums = self._theta.copy(), self._sums.copy()
-        gps, time = self._variances()
-        _absorb(  # the last pings, whose neighbours after them have not come yet
-            self._rows,
-            self._absorbed,
-            self.count,
-            self.count,
-            theta,
-            gps,
-            time,
-            CUT,
-            self._scale,
-            *sums.arrays,
-        )
+        theta, sums = self._theta.copy(), self._with_the_last()
         solved = _solve_sums(sums.moments, theta)
         uncertainty = self._uncertainty(theta, sums)
         order = np.arange(self.count - kept, self.count) % KEPT
@@ -316,10 +340,11 @@ class _Sums:
         self.tally = np.zeros(3)  # pings used, weighted squares, squares of range residuals [m^2]
         self.products = np.zeros(LAGS + 1)  # of whitened residuals, by lag
         self.recent = np.zeros(LAGS + 1)  # the last of them, newest at `tally[0] % (LAGS + 1)`
+        self.told = np.zeros((unknowns, unknowns))  # covariance of the fix that new pings are held against
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        return self.moments, self.spread, self.tally, self.products, self.recent
+        return self.moments, self.spread, self.tally, self.products, self.recent, self.told
 
     def copy(self) -> _Sums:
         other = _Sums(len(self.spread))
@@ -335,88 +360,127 @@ class _Sums:
 
 @compiled
 def _absorb(
-    rows,
-    first,
-    last,
-    count,
-    theta,
-    gps_variance,
-    range_variance,
-    cut,
-    scale,
-    moments,
-    spread,
-    tally,
-    products,
-    recent,
-):
+    rows, first, last, count, theta, gps_variance, range_variance, cut, scale,
+    moments, spread, tally, products, recent, told,
+):  # fmt: skip
     """Adds pings first to last (their running numbers) to the sums; `last`."""
     unknowns, kept = len(theta), len(rows)
-    instrument = np.empty(unknowns)
-    column = np.empty(RANGE_SQUARED + 1)
-    oldest = max(count - kept, 0)
-    lags = len(products)
+    instrument, column = np.empty(unknowns), np.empty(RANGE_SQUARED + 1)
+    gps, rng = gps_variance * scale * scale, range_variance * scale * scale
     for k in range(first, last):
         row = rows[k % kept]
-        t = row[TIME]
-        n = 0
-        st = stt = sx = sy = stx = sty = 0.0
-        for j in range(max(k - NEIGHBOURS, oldest), min(k + NEIGHBOURS, count - 1) + 1):
-            if j == k:
-                continue
-            other = rows[j % kept]
-            lag = other[TIME] - t
-            n += 1
-            st += lag
-            stt += lag * lag
-            sx += other[EAST]
-            sy += other[NORTH]
-            stx += lag * other[EAST]
-            sty += lag * other[NORTH]
-        bottom = n * stt - st * st
-        if bottom > 0:
-            ix, iy = (stt * sx - st * stx) / bottom - theta[0], (stt * sy - st * sty) / bottom - theta[1]
-        else:
-            ix, iy = sx / max(n, 1) - theta[0], sy / max(n, 1) - theta[1]
-        dx, dy, z = row[EAST] - theta[0], row[NORTH] - theta[1], theta[2] - row[UP]
-        if unknowns > 4:
-            ix, iy = ix - t * theta[4], iy - t * theta[5]
-            dx, dy, z = dx - t * theta[4], dy - t * theta[5], z + t * theta[6]
-        gps, rng = gps_variance * scale * scale, range_variance * scale * scale
+        t, up = row[TIME], row[UP]
+        vx, vy, vz = (theta[4], theta[5], theta[6]) if unknowns > 4 else (0.0, 0.0, 0.0)
+        x, y, z = row[EAST] - theta[0] - t * vx, row[NORTH] - theta[1] - t * vy, theta[2] + t * vz - up
         s = row[RANGE] - theta[3]
-        q = dx * dx + dy * dy - 2 * gps + z * z - s * s + rng
+        q = x * x + y * y - 2 * gps + z * z - s * s + rng
+        east, north, near = _place_by_neighbours(
+            rows, k, max(count - kept, 0), count, NEIGHBOUR_SHARE * abs(s)
+        )
+        ix, iy = (east - theta[0] - t * vx, north - theta[1] - t * vy) if near else (x, y)
         h2 = ix * ix + iy * iy
         s2 = h2 + z * z
-        w = 1 / (
-            4 * h2 * gps_variance
-            + 4 * gps_variance * gps
-            + 4 * s2 * range_variance
-            + 2 * range_variance * rng
-        )
+        w = 1 / (4 * (h2 + gps) * gps_variance + (4 * s2 + 2 * rng) * range_variance)
         whitened = q * np.sqrt(w)
-        if abs(whitened) > cut * scale and tally[0] > 3 * unknowns:
-            continue
         instrument[0], instrument[1], instrument[2], instrument[3] = -2 * ix, -2 * iy, 2 * z, 2 * np.sqrt(s2)
         for i in range(4, unknowns):
             instrument[i] = t * instrument[i - 4]
-        x, y, up, r = row[EAST], row[NORTH], row[UP], row[RANGE]
-        column[0] = x * x + y * y + up * up - r * r - 2 * gps + rng
-        column[1], column[2], column[3], column[RANGES], column[ONE] = x, y, up, r, 1.0
-        column[6], column[7], column[8], column[9], column[10] = t * x, t * y, t * up, t, t * t
-        column[RANGE_SQUARED] = r * r
+        if abs(whitened) > cut * scale * np.sqrt(1 + w * _form(told, instrument)):
+            continue
+        _fill_column(row, rng - 2 * gps, column)
         for i in range(unknowns):
             for j in range(RANGE_SQUARED + 1):
                 moments[i, j] += w * instrument[i] * column[j]
             for j in range(unknowns):
                 spread[i, j] += w * instrument[i] * instrument[j]
-        used = int(tally[0])
-        recent[used % lags] = whitened
-        for lag in range(min(used, lags - 1) + 1):
-            products[lag] += whitened * recent[(used - lag) % lags]
+        if not near:
+            for axis in (EAST, NORTH):
+                _take_out_own(axis, row, instrument, w, gps, gps_variance + range_variance, moments)
+        _follow_residual(whitened, int(tally[0]), products, recent)
         tally[0] += 1
         tally[1] += whitened * whitened
         tally[2] += q * q / (4 * s2)
     return last
+
+
+@compiled
+def _form(matrix, vector):
+    """vector' matrix vector."""
+    total = 0.0
+    for i in range(len(vector)):
+        for j in range(len(vector)):
+            total += vector[i] * matrix[i, j] * vector[j]
+    return total
+
+
+@compiled
+def _invert(spread, told):
+    """Fills the inverse of a spread (P, P); it stays as it was where there is none."""
+    inverse, fine = scaled_solve(spread, np.eye(len(spread)))
+    if fine:
+        told[:] = inverse
+
+
+@compiled
+def _fill_column(row, known, column):
+    """Fills what a ping's instrument is multiplied by; `known` is what its noise adds to q in the mean."""
+    x, y, up, r, t = row[EAST], row[NORTH], row[UP], row[RANGE], row[TIME]
+    column[0] = x * x + y * y + up * up - r * r + known
+    column[1], column[2], column[3], column[RANGES], column[ONE] = x, y, up, r, 1.0
+    column[6], column[7], column[8], column[9], column[10] = t * x, t * y, t * up, t, t * t
+    column[RANGE_SQUARED] = r * r
+
+
+@compiled
+def _follow_residual(whitened, used, products, recent):
+    """Adds a residual, the `used`-th, to the products by lag."""
+    lags = len(products)
+    recent[used % lags] = whitened
+    for lag in range(min(used, lags - 1) + 1):
+        products[lag] += whitened * recent[(used - lag) % lags]
+
+
+@compiled
+def _place_by_neighbours(rows, k, oldest, count, reach):
+    """Where the straight line through the neighbours of ping k has the ship, and whether they all lie near."""
+    here, kept = rows[k % len(rows)], len(rows)
+    n = 0
+    st = stt = sx = sy = stx = sty = farthest = 0.0
+    for j in range(max(k - NEIGHBOURS, oldest), min(k + NEIGHBOURS, count - 1) + 1):
+        if j == k:
+            continue
+        other = rows[j % kept]
+        lag, x, y = other[TIME] - here[TIME], other[EAST] - here[EAST], other[NORTH] - here[NORTH]
+        n += 1
+        st, stt = st + lag, stt + lag * lag
+        sx, sy, stx, sty = sx + x, sy + y, stx + lag * x, sty + lag * y
+        farthest = max(farthest, x * x + y * y)
+    bottom = n * stt - st * st
+    if bottom > 0:
+        east, north = (stt * sx - st * stx) / bottom, (stt * sy - st * sty) / bottom
+    else:
+        east, north = sx / max(n, 1), sy / max(n, 1)
+    return here[EAST] + east, here[NORTH] + north, n > 0 and farthest < reach * reach
+
+
+@compiled
+def _take_out_own(axis, row, instrument, w, gps, variances, moments):
+    """Takes out of the moments what an instrument at the ping's own noisy place leaves in the mean.
+
+    As `squared_sums.take_out_shared` does, all of the error being shared.
+    """
+    unknowns, t = len(instrument), row[TIME]
+    d, s = -instrument[axis] / 2, instrument[3]
+    by_weight = -16 * gps * d * w * w * variances
+    for i in range(unknowns):
+        change = by_weight * instrument[i]
+        if i % 4 == axis:
+            change -= 4 * gps * w * (1.0 if i < 4 else t)
+        elif i == 3:
+            change += 8 * gps * w * d / s
+        moments[i, 0] -= change * row[axis]
+        moments[i, 1 + axis] -= change / 2
+        moments[i, 6 + axis] -= change * t / 2
 
 
 @compiled
