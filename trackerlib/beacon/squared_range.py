@@ -325,15 +325,17 @@ def _tells_enough(depth, track, noise, unknowns):
     share = few.pings / track.pings
     depth = max(depth, radius_of(few))
     moments, spread = np.empty((unknowns, COLUMNS)), np.empty((unknowns, unknowns))
-    other, errors = np.empty(unknowns), np.empty(5)
+    other, good = np.empty(unknowns), 0
     for place in range(5):
         other[:] = 0.0
         other[2] = -depth
         if place > 0:
             other[place % 2] = depth / 2 if place > 2 else -depth / 2
         instrument_sums(other, few, noise, moments, spread)
-        errors[place] = _error_from(spread, share)
-    return np.sort(errors)[2] < UNKNOWN_SHARE * depth
+        good += _error_from(spread, share) < UNKNOWN_SHARE * depth
+        if good > 2 or good + 4 - place < 3:  # the others cannot change it
+            break
+    return good > 2
 
 
 @compiled
