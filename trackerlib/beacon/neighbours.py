@@ -10,9 +10,8 @@ line to the other. The block's own pings are in neither.
 
 from __future__ import annotations
 
+import numba
 import numpy as np
-
-from trackerlib.compiled import compiled
 
 BLOCKS, LONGEST_BLOCK = 64, 8  # blocks in a short survey, and pings in a block of a long one
 FEWEST = 3  # pings that are taken for a line whatever they look like
@@ -21,10 +20,12 @@ UNSURE = 0.1  # weight of the line before a turn after it, and the other way rou
 LEAST_VARIANCE = 1e-6  # [m^2] of a position
 LEAST_SPREAD = 1e-9  # of a line's instants
 FORGOTTEN = 30.0  # correlation times after which nothing is shared
-SUMS = 9  # of a block: pings, t, tt, x, tx, xx, y, ty, yy
+SUMS = 8  # of a block: pings, t, tt, x, tx, y, ty, xx + yy; places in standard errors
+
+_compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 
 
-@compiled
+@_compiled
 def smooth_track(ship, epochs, noise, neighbours, correlation):
     """Ship's places (N, 2), and the covariance (N,) of such a place and the ping's own over the variance of one.
 
@@ -35,52 +36,42 @@ def smooth_track(ship, epochs, noise, neighbours, correlation):
     """
     count = len(ship)
     size = min(max(count // BLOCKS, 1), LONGEST_BLOCK)
-    sums = _running_sums(ship, epochs, size)
-    blocks = len(sums) - 1
+    scale = (np.sqrt(max(noise[0], LEAST_VARIANCE)), np.sqrt(max(noise[1], LEAST_VARIANCE)))
+    sums = _running_sums(ship, epochs, size, scale)
     least = (FEWEST + size - 1) // size
     most = max(neighbours // size, least)
     smooth, shared = np.empty((count, 2)), np.zeros(count)
-    weight = 1 / np.maximum(noise[:2], LEAST_VARIANCE)
-    begins = _straight_ends(sums, -1, least, most, weight)
-    ends = _straight_ends(sums, 1, least, most, weight)
-    left, right, together, nothing = np.empty(SUMS), np.empty(SUMS), np.empty(SUMS), np.zeros(SUMS)
-    before, after, both = np.empty(7), np.empty(7), np.empty(7)
-    for b in range(blocks):
-        left_from, right_to = begins[b], ends[b]
-        for i in range(SUMS):
-            left[i], right[i] = sums[b, i] - sums[left_from, i], sums[right_to, i] - sums[b + 1, i]
-            together[i] = left[i] + right[i]
-        apart = (
-            _misfit(together, nothing, weight)
-            - _misfit(left, nothing, weight)
-            - _misfit(right, nothing, weight)
-        )
-        one = left[0] < FEWEST or right[0] < FEWEST or apart < DOUBT
-        reach = (left_from * size, b * size, min((b + 1) * size, count), min(right_to * size, count))
-        if one:
-            _line(together, both)
-            _along_one(both, ship, epochs, reach, correlation, smooth, shared)
+    begins = _straight_ends(sums, -1, least, most)
+    ends = _straight_ends(sums, 1, least, most)
+    for b in range(len(begins)):
+        left, right = _between(sums, begins[b], b), _between(sums, b + 1, ends[b])
+        both = _together(left, right)
+        reach = (begins[b] * size, b * size, min((b + 1) * size, count), min(ends[b] * size, count))
+        one = left[0] < FEWEST or right[0] < FEWEST
+        if one or _misfit(both) - _misfit(left) - _misfit(right) < DOUBT:
+            _along_one(_line(both, ship, scale), epochs, reach, correlation, smooth, shared)
         else:
-            _line(left, before)
-            _line(right, after)
-            _round_a_turn(before, after, ship, epochs, reach, correlation, smooth, shared)
+            before, after = _line(left, ship, scale), _line(right, ship, scale)
+            _round_a_turn(before, after, epochs, reach, correlation, smooth, shared)
     return smooth, shared
 
 
-@compiled
-def _along_one(line, ship, epochs, reach, correlation, smooth, shared):
+@_compiled
+def _along_one(line, epochs, reach, correlation, smooth, shared):
     """Fills the places of pings reach[1] to reach[2] from a line through those before and after, to reach[0], [3]."""
+    start = epochs[0] + line[1]
     for k in range(reach[1], reach[2]):
-        t = epochs[k] - epochs[0] - line[1]
-        smooth[k, 0] = line[3] + t * line[5] + ship[0, 0]
-        smooth[k, 1] = line[4] + t * line[6] + ship[0, 1]
-        if correlation > 0:
+        t = epochs[k] - start
+        smooth[k, 0] = line[3] + t * line[5]
+        smooth[k, 1] = line[4] + t * line[6]
+    if correlation > 0:
+        for k in range(reach[1], reach[2]):
             shared[k] = _shared(line, epochs, k, reach[0], reach[1], correlation)
             shared[k] += _shared(line, epochs, k, reach[2], reach[3], correlation)
 
 
-@compiled
-def _round_a_turn(before, after, ship, epochs, reach, correlation, smooth, shared):
+@_compiled
+def _round_a_turn(before, after, epochs, reach, correlation, smooth, shared):
     """The same from two lines: by what each is worth, and by which side of the turn a ping is on."""
     turn = _turn(before, after)
     for k in range(reach[1], reach[2]):
@@ -90,35 +81,50 @@ def _round_a_turn(before, after, ship, epochs, reach, correlation, smooth, share
         for axis in range(2):
             place = share * (before[3 + axis] + (t - before[1]) * before[5 + axis])
             place += (1 - share) * (after[3 + axis] + (t - after[1]) * after[5 + axis])
-            smooth[k, axis] = place + ship[0, axis]
+            smooth[k, axis] = place
         if correlation > 0:
             shared[k] = share * _shared(before, epochs, k, reach[0], reach[1], correlation)
             shared[k] += (1 - share) * _shared(after, epochs, k, reach[2], reach[3], correlation)
 
 
-@compiled
-def _running_sums(ship, epochs, size):
-    """Sums (blocks + 1, SUMS) of all blocks before each, counted from the first ping's place and instant."""
+@_compiled
+def _running_sums(ship, epochs, size, scale):
+    """Sums (blocks + 1, SUMS) of all blocks before each, from the first ping's place, in `scale`, and instant."""
     count = len(ship)
     blocks = (count + size - 1) // size
-    sums = np.zeros((blocks + 1, SUMS))
+    sums = np.empty((blocks + 1, SUMS))
     t0, x0, y0 = epochs[0], ship[0, 0], ship[0, 1]
-    for b in range(blocks):
-        last = min((b + 1) * size, count)
-        st = stt = sx = stx = sxx = sy = sty = syy = 0.0
-        for k in range(b * size, last):
-            t, x, y = epochs[k] - t0, ship[k, 0] - x0, ship[k, 1] - y0
-            st, stt = st + t, stt + t * t
-            sx, stx, sxx = sx + x, stx + t * x, sxx + x * x
-            sy, sty, syy = sy + y, sty + t * y, syy + y * y
-        own = (float(last - b * size), st, stt, sx, stx, sxx, sy, sty, syy)
-        for i in range(SUMS):
-            sums[b + 1, i] = sums[b, i] + own[i]
+    per_x, per_y = 1 / scale[0], 1 / scale[1]
+    n = st = stt = sx = stx = sy = sty = square = 0.0
+    for b in range(blocks + 1):
+        sums[b, 0], sums[b, 1], sums[b, 2], sums[b, 3] = n, st, stt, sx
+        sums[b, 4], sums[b, 5], sums[b, 6], sums[b, 7] = stx, sy, sty, square
+        for k in range(b * size, min((b + 1) * size, count)):
+            t, x, y = epochs[k] - t0, (ship[k, 0] - x0) * per_x, (ship[k, 1] - y0) * per_y
+            n, st, stt = n + 1, st + t, stt + t * t
+            sx, stx, sy, sty = sx + x, stx + t * x, sy + y, sty + t * y
+            square += x * x + y * y
     return sums
 
 
-@compiled
-def _straight_ends(sums, way, least, most, weight):
+@_compiled
+def _between(sums, first, last):
+    """The sums (SUMS,) of blocks first to last."""
+    a, b = sums[first], sums[last]
+    return (
+        b[0] - a[0], b[1] - a[1], b[2] - a[2], b[3] - a[3], b[4] - a[4], b[5] - a[5], b[6] - a[6], b[7] - a[7],
+    )  # fmt: skip
+
+
+@_compiled
+def _together(a, b):
+    return (
+        a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7],
+    )  # fmt: skip
+
+
+@_compiled
+def _straight_ends(sums, way, least, most):
     """For each block, the edge up to which the track beside it, after (way 1) or before (-1), is one straight line.
 
     From block to block the end stays and the beginning moves up. Then half as much again is added as long as the line
@@ -132,52 +138,60 @@ def _straight_ends(sums, way, least, most, weight):
         edge = b + 1 if way > 0 else b
         if way * (end - edge) < least:
             end = min(max(edge + way * least, 0), last)
-        while 0 < end < last and way * (end - edge) < most:
-            further = end + way * max(way * (end - edge) // 2, least)
-            further = min(max(further, 0), last)
-            apart = _misfit(sums[edge], sums[further], weight) - _misfit(sums[edge], sums[end], weight)
-            if apart - _misfit(sums[end], sums[further], weight) > DOUBT:
-                break
-            end = further
+        if 0 < end < last and way * (end - edge) < most:
+            end = _further(sums, edge, end, way, least, most)
         ends[b] = end
     return ends
 
 
-@compiled
-def _misfit(one, other, weight):
-    """Chi-square of a straight line, sailed steadily, through the pings between two running sums, either way round."""
-    n, t, tt = one[0] - other[0], one[1] - other[1], one[2] - other[2]
+@_compiled
+def _further(sums, edge, end, way, least, most):
+    last = len(sums) - 1
+    misfit = _misfit(_between(sums, edge, end))
+    while 0 < end < last and way * (end - edge) < most:
+        further = end + way * max(way * (end - edge) // 2, least)
+        further = min(max(further, 0), last)
+        whole = _misfit(_between(sums, edge, further))
+        if whole - misfit - _misfit(_between(sums, end, further)) > DOUBT:
+            break
+        end, misfit = further, whole
+    return end
+
+
+@_compiled
+def _misfit(s):
+    """Chi-square of a straight line, sailed steadily, through the pings of sums s (SUMS,), taken either way round."""
+    n, t, tt, x, tx, y, ty, square = s
     spread = n * tt - t * t
     if not spread > LEAST_SPREAD * n * tt:
         return 0.0
-    per, misfit = 1 / spread, 0.0
-    for axis in range(2):
-        k = 3 + 3 * axis
-        x, tx, xx = one[k] - other[k], one[k + 1] - other[k + 1], one[k + 2] - other[k + 2]
-        misfit += abs(xx - (tt * x * x - 2 * t * x * tx + n * tx * tx) * per) * weight[axis]
-    return misfit
+    told = tt * (x * x + y * y) - 2 * t * (x * tx + y * ty) + n * (tx * tx + ty * ty)
+    return abs(square - told / spread)
 
 
-@compiled
-def _line(s, line):
-    """Fills count, mean instant, spread of instants, mean place and velocity (7,) of the pings of sums s (SUMS,)."""
-    n = max(s[0], 1.0)
-    line[0], line[1], line[2] = s[0], s[1] / n, s[2] - s[1] * s[1] / n
-    line[3], line[4] = s[3] / n, s[6] / n
-    if line[2] > LEAST_SPREAD * s[2]:
-        line[5] = (s[4] - s[1] * line[3]) / line[2]
-        line[6] = (s[7] - s[1] * line[4]) / line[2]
-    else:  # one instant: its mean place
-        line[2], line[5], line[6] = np.inf, 0.0, 0.0
+@_compiled
+def _line(s, ship, scale):
+    """Count, mean instant, spread of instants, mean place and velocity (7,) of the pings of sums s (SUMS,)."""
+    n, t, tt, x, tx, y, ty, _ = s
+    per = 1 / max(n, 1.0)
+    mean, spread = t * per, tt - t * t * per
+    mean_x, mean_y = x * per, y * per
+    east, north = mean_x * scale[0] + ship[0, 0], mean_y * scale[1] + ship[0, 1]
+    if not spread > LEAST_SPREAD * tt:  # one instant: its mean place
+        return n, mean, np.inf, east, north, 0.0, 0.0
+    steep = 1 / spread
+    return (
+        n, mean, spread, east, north, (tx - t * mean_x) * steep * scale[0], (ty - t * mean_y) * steep * scale[1],
+    )  # fmt: skip
 
 
-@compiled
+@_compiled
 def _doubt(line, t):
     """Variance of the place that a line tells for an instant, over that of a position; huge without pings."""
     return 1 / line[0] + (t - line[1]) ** 2 / line[2] if line[0] > 0 else 1e300
 
 
-@compiled
+@_compiled
 def _turn(before, after):
     """Instant at which two lines pass closest: where the ship went over from one to the other."""
     apart = speed = 0.0
@@ -189,7 +203,7 @@ def _turn(before, after):
     return -apart / max(speed, 1e-300)
 
 
-@compiled
+@_compiled
 def _shared(line, epochs, k, first, last, correlation):
     """Covariance of ping k's error with what pings first to last say through a line, over a position's variance."""
     total = 0.0

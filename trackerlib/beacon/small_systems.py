@@ -1,6 +1,6 @@
 """Linear algebra of a handful of unknowns, compiled without calls to a library.
 
-solved, fine = scaled_solve(matrix, right)
+fine = scaled_solve(left, right)
 """
 
 from __future__ import annotations
@@ -13,51 +13,59 @@ LEAST_PIVOT = 1e-12  # of a scaled system that determines its unknowns
 
 
 @compiled
-def scaled_solve(matrix, right):
-    """Solution of a symmetric-looking system scaled by its diagonal, and whether it is well determined.
+def scaled_solve(left, right):
+    """Replaces `right` by the solution of a symmetric-looking system scaled by its diagonal; whether it is one.
 
-    By elimination with row exchange; a pivot below LEAST_PIVOT of the scaled system says that it is not.
+    By elimination with row exchange, which leaves nothing of use in `left`; a pivot below LEAST_PIVOT of the scaled
+    system says that it does not determine its unknowns.
     """
-    count = len(matrix)
+    count, sides = right.shape
     scale = np.empty(count)
-    left, solved = np.empty((count, count)), np.empty(right.shape)
     for i in range(count):
-        scale[i] = np.sqrt(abs(matrix[i, i]))
+        scale[i] = 1 / np.sqrt(abs(left[i, i]))
         if not 0 < scale[i] < np.inf:
-            return solved, False
+            return False
     for i in range(count):
         for j in range(count):
-            left[i, j] = matrix[i, j] / (scale[i] * scale[j])
-        for j in range(right.shape[1]):
-            solved[i, j] = right[i, j] / scale[i]
+            left[i, j] *= scale[i] * scale[j]
+        for j in range(sides):
+            right[i, j] *= scale[i]
     for k in range(count):
-        best = k
+        if not _bring_up(k, left, right):
+            return False
+        per = 1 / left[k, k]
         for i in range(k + 1, count):
-            if abs(left[i, k]) > abs(left[best, k]):
-                best = i
-        if not abs(left[best, k]) > LEAST_PIVOT:
-            return solved, False
-        if best != k:
-            for j in range(k, count):
-                left[k, j], left[best, j] = left[best, j], left[k, j]
-            for j in range(right.shape[1]):
-                solved[k, j], solved[best, j] = solved[best, j], solved[k, j]
-        for i in range(k + 1, count):
-            share = left[i, k] / left[k, k]
+            share = left[i, k] * per
             for j in range(k + 1, count):
                 left[i, j] -= share * left[k, j]
-            for j in range(right.shape[1]):
-                solved[i, j] -= share * solved[k, j]
+            for j in range(sides):
+                right[i, j] -= share * right[k, j]
     for k in range(count - 1, -1, -1):
-        for j in range(right.shape[1]):
-            value = solved[k, j]
+        per = 1 / left[k, k]
+        for j in range(sides):
+            value = right[k, j]
             for i in range(k + 1, count):
-                value -= left[k, i] * solved[i, j]
-            solved[k, j] = value / left[k, k]
+                value -= left[k, i] * right[i, j]
+            right[k, j] = value * per
     for i in range(count):
+        for j in range(sides):
+            right[i, j] *= scale[i]
+    return True
+
+
+@compiled
+def _bring_up(k, left, right):
+    """Exchanges row k for the one below it whose pivot is largest; whether that is large enough."""
+    best = k
+    for i in range(k + 1, len(left)):
+        if abs(left[i, k]) > abs(left[best, k]):
+            best = i
+    if best != k:
+        for j in range(k, len(left)):
+            left[k, j], left[best, j] = left[best, j], left[k, j]
         for j in range(right.shape[1]):
-            solved[i, j] /= scale[i]
-    return solved, True
+            right[k, j], right[best, j] = right[best, j], right[k, j]
+    return abs(left[k, k]) > LEAST_PIVOT
 
 
 @compiled
@@ -102,3 +110,13 @@ def product(left, right):
             for j in range(right.shape[1]):
                 out[i, j] += left[i, k] * right[k, j]
     return out
+
+
+@compiled
+def squares(values):
+    """Sum of the squares of `values` (P, K)."""
+    total = 0.0
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            total += values[i, j] * values[i, j]
+    return total

@@ -17,10 +17,11 @@ import numpy as np
 
 from trackerlib.beacon.bent import DRAWS, follow_the_bend
 from trackerlib.beacon.neighbours import smooth_track
-from trackerlib.beacon.small_systems import root_of, scaled_solve, whiten
+from trackerlib.beacon.small_systems import root_of, scaled_solve, squares, whiten
 from trackerlib.beacon.squared_sums import (
     COLUMNS,
     EAST,
+    FAST,
     KNOWN,
     NORTH,
     ONE,
@@ -31,10 +32,12 @@ from trackerlib.beacon.squared_sums import (
     T,
     correlated_spread,
     instrument_sums,
+    lay_out,
+    radius_of,
     score,
-    share_by_leverage,
-    start_sums,
+    take_out_noise,
     take_out_shared,
+    thinned,
 )
 from trackerlib.compiled import compiled, warms
 
@@ -142,6 +145,9 @@ def _variances(gps_rms_m, range_rms_m) -> np.ndarray:
     return np.array([east * east, north * north, range_rms_m * range_rms_m], float)
 
 
+_fast = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
 def _fix_all(ship, ranges, epochs, noise, neighbours, correlation, draws, estimate, covariance, why, passes):
     for k in numba.prange(len(ship)):
@@ -171,40 +177,36 @@ def _fix_one(ship, ranges, epochs, noise, neighbours, correlation, draws, estima
         return FEW, 0
     smooth, shared = smooth_track(ship, epochs, noise, neighbours, correlation)
     origin = _origin(ship, ranges)
-    why, passes = HIDDEN, 0
+    span, sums = _starting_sums(epochs, unknowns)
+    track = lay_out(ship, smooth, ranges, epochs, origin, span, unknowns == MOVING, sums)
+    why, passes, theta = HIDDEN, 0, np.empty(unknowns)
     for moving in (True, False):
-        if moving and unknowns == STILL:
+        if (moving and unknowns == STILL) or not _start(sums, span, moving, theta):
             continue
-        first, fine = _centred_start(ship, smooth, ranges, epochs, origin, moving)
-        if not fine:
-            continue
-        theta = np.zeros(unknowns)
-        theta[: len(first)] = first
-        why, more = _descend(
-            theta, ship, smooth, shared, ranges, epochs, origin, noise, correlation, draws, covariance
-        )
+        height = theta[2]
+        why, more = _descend(theta, track, shared, epochs, noise, correlation, draws, covariance)
         passes += more
         if why == FINE:
             estimate[:] = theta
             estimate[:4] += origin
             return FINE, passes
-        if why == NO_PLACE and not _tells_enough(
-            -first[2], ship, smooth, ranges, epochs, origin, noise, unknowns == MOVING
-        ):
+        if why == NO_PLACE and not _tells_enough(-height, track, noise, unknowns):
             why = RULED
     covariance[:] = np.nan
     return why, passes
 
 
-@compiled
+@_fast
 def _origin(ship, ranges):
     """Mean place of the ship and mean range (4,): sums about it lose no digits."""
     origin = np.zeros(4)
+    east = north = up = distance = 0.0
     for n in range(len(ship)):
-        origin[0] += ship[n, 0]
-        origin[1] += ship[n, 1]
-        origin[2] += ship[n, 2]
-        origin[3] += ranges[n]
+        east += ship[n, 0]
+        north += ship[n, 1]
+        up += ship[n, 2]
+        distance += ranges[n]
+    origin[0], origin[1], origin[2], origin[3] = east, north, up, distance
     return origin / len(ship)
 
 
@@ -215,26 +217,34 @@ def linear_start(ship, smooth, ranges, epochs, moving):
     |r|^2 - (C T)^2 = 2 r p + 2 t r v - 2 C T c0 - K0 (- K1 t - K2 t^2), with instruments of the neighbours.
     K0 = |p|^2 - c0^2, K1 = 2 p v, K2 = v^2; heights are counted from the hydrophone's mean height.
     """
-    origin = _origin(ship, ranges)
-    theta, fine = _centred_start(ship, smooth, ranges, epochs, origin, moving)
+    origin, theta = _origin(ship, ranges), np.zeros(MOVING if moving else STILL)
+    span, sums = _starting_sums(epochs, len(theta))
+    lay_out(ship, smooth, ranges, epochs, origin, span, moving, sums)
+    fine = _start(sums, span, moving, theta)
     theta[:4] += origin
     return theta, fine
 
 
 @compiled
-def _centred_start(ship, smooth, ranges, epochs, origin, moving):
-    """The same less the origin (4,)."""
+def _starting_sums(epochs, unknowns):
+    """What instants of a start are counted in, and a place for its sums."""
     span = 1.0
-    if moving:
-        for n in range(len(epochs)):
-            span = max(span, abs(epochs[n]))
+    if unknowns == STILL:
+        return span, np.empty((4, COLUMNS))
+    for n in range(len(epochs)):
+        span = max(span, abs(epochs[n]))
+    return span, np.empty((8, COLUMNS))
+
+
+@compiled
+def _start(sums, span, moving, theta):
+    """Fills theta (P,) with the same less the origin, with or without motion; whether all is seen."""
+    theta[:] = 0.0
     size = 8 if moving else 4
-    sums = np.empty((size, COLUMNS))
-    start_sums(ship, smooth, ranges, epochs, origin, span, moving, sums)
-    normal, right = np.empty((size, size)), np.empty((size, 1))
+    normal, solved = np.empty((size, size)), np.empty((size, 1))
     for i in range(size):
         m = sums[i]
-        right[i, 0] = m[KNOWN]
+        solved[i, 0] = m[KNOWN]
         normal[i, 0], normal[i, 1], normal[i, 2], normal[i, 3] = (
             2 * m[EAST],
             2 * m[NORTH],
@@ -244,10 +254,8 @@ def _centred_start(ship, smooth, ranges, epochs, origin, moving):
         if moving:
             normal[i, 4], normal[i, 5] = 2 * m[T_EAST] / span, 2 * m[T_NORTH] / span
             normal[i, 6], normal[i, 7] = -m[T] / span, -m[TT] / span**2
-    theta = np.zeros(MOVING if moving else STILL)
-    solved, fine = scaled_solve(normal, right)
-    if not fine:
-        return theta, False
+    if not scaled_solve(normal, solved):
+        return False
     p0, p1, c0 = solved[0, 0], solved[1, 0], solved[2, 0]
     depth = np.sqrt(max(solved[3, 0] + c0 * c0 - p0 * p0 - p1 * p1, 100.0))
     theta[0], theta[1], theta[2], theta[3] = p0, p1, -depth, c0
@@ -256,111 +264,136 @@ def _centred_start(ship, smooth, ranges, epochs, origin, moving):
         theta[6] = -(solved[6, 0] / span / 2 - p0 * theta[4] - p1 * theta[5]) / depth
         if not abs(theta[6]) < 5.0:
             theta[6] = 0.0
-    return theta, True
+    return True
 
 
 @compiled
-def _descend(theta, ship, smooth, shared, ranges, epochs, origin, noise, correlation, draws, covariance):
+def _descend(theta, track, shared, epochs, noise, correlation, draws, covariance):
     """Renews instruments and solves for theta (P,), in place, until both are at rest; why not, and passes made."""
     unknowns = len(theta)
     moments = np.empty((unknowns, COLUMNS))
     spread, root = np.empty((unknowns, unknowns)), np.empty((unknowns, unknowns))
-    value, own = np.empty((unknowns, 1)), np.empty((unknowns, unknowns))
-    highest = np.max(ship[:, 2]) - origin[2]
-    stuck, moving = 0, unknowns == MOVING
+    work = _room(unknowns)
+    stuck = 0
     for step in range(1, PASSES + 1):
-        instrument_sums(theta, ship, smooth, ranges, epochs, origin, noise, moments, spread)
+        instrument_sums(theta, track, noise, moments, spread)
         if correlation > 0:
-            take_out_shared(theta, ship, smooth, shared, epochs, origin, noise, moments)
+            take_out_shared(theta, track, shared, noise, moments)
         if not root_of(spread, root):
             return HIDDEN, step
-        score(moments, theta, value[:, 0], own)
-        whiten(root, value)
-        at_rest = np.sum(value**2) < AT_REST
-        if not _improve(moments, root, highest, theta):
+        at_rest = _score_size(moments, root, theta, work) < AT_REST
+        if not _improve(moments, root, track.highest, theta, work):
             stuck += 1
             if stuck > MOST_STUCK:
                 return NO_PLACE, step
         if at_rest:
-            score(moments, theta, value[:, 0], own)
-            sure = _error_from(spread) < KNOWN_SHARE * -theta[2]
-            if not sure and not _tells_enough(-theta[2], ship, smooth, ranges, epochs, origin, noise, moving):
+            sure = _error_from(spread, 1.0) < KNOWN_SHARE * -theta[2]
+            if not sure and not _tells_enough(-theta[2], track, noise, unknowns):
                 return RULED, step
-            if correlation > 0:
-                correlated_spread(theta, ship, smooth, epochs, origin, noise, correlation, spread)
-            bends = np.empty((unknowns, 3))
-            bends[:, 0], bends[:, 1], bends[:, 2] = moments[:, ONE], moments[:, T], moments[:, TT]
-            bend = follow_the_bend(own, spread, bends, draws, covariance)
+            bend = _stated(theta, track, epochs, noise, correlation, draws, moments, spread, covariance)
             if not bend < np.inf:
                 return BENT, step
             if BIASED_FROM < bend < STRONGLY_BENT and not correlation > 0:
-                share_by_leverage(theta, ship, smooth, epochs, origin, noise, root, shared)
-                take_out_shared(theta, ship, smooth, shared, epochs, origin, noise, moments)
-                _improve(moments, root, highest, theta)
+                take_out_noise(theta, track, noise, root, moments)
+                _improve(moments, root, track.highest, theta, work)
             return FINE, step
     return NO_PLACE, PASSES
 
 
 @compiled
-def _tells_enough(depth, ship, smooth, ranges, epochs, origin, noise, moving):
+def _stated(theta, track, epochs, noise, correlation, draws, moments, spread, covariance):
+    """Fills the covariance (P, P) at a solution; the bend."""
+    unknowns = len(theta)
+    own, bends = np.empty((unknowns, unknowns)), np.empty((unknowns, 3 if unknowns == MOVING else 1))
+    score(moments, theta, np.empty(unknowns), own)
+    if correlation > 0:
+        correlated_spread(theta, track, epochs, noise, correlation, spread)
+    bends[:, 0] = moments[:, ONE]
+    if unknowns == MOVING:
+        bends[:, 1], bends[:, 2] = moments[:, T], moments[:, TT]
+    return follow_the_bend(own, spread, bends, draws, covariance)
+
+
+@compiled
+def _tells_enough(depth, track, noise, unknowns):
     """Whether such a survey can tell a beacon of this depth: asked of places about the track, not of the answer.
 
     An answer that is far off can claim to be good, so it is not asked. What counts is the median standard error at
-    five places: below the track's mean and to either side of it.
+    five places: below the track's mean and to either side of it. A part of the pings, evenly taken, tells it.
     """
-    width = 0.0
-    for n in range(len(ship)):
-        width += (ship[n, 0] - origin[0]) ** 2 + (ship[n, 1] - origin[1]) ** 2
-    depth = max(depth, np.sqrt(width / len(ship)))
-    unknowns = MOVING if moving else STILL
+    few = thinned(track)
+    share = few.pings / track.pings
+    depth = max(depth, radius_of(few))
     moments, spread = np.empty((unknowns, COLUMNS)), np.empty((unknowns, unknowns))
-    errors = np.empty(5)
+    other, good = np.empty(unknowns), 0
     for place in range(5):
-        other = np.zeros(unknowns)
+        other[:] = 0.0
         other[2] = -depth
         if place > 0:
             other[place % 2] = depth / 2 if place > 2 else -depth / 2
-        instrument_sums(other, ship, smooth, ranges, epochs, origin, noise, moments, spread)
-        errors[place] = _error_from(spread)
-    return np.sort(errors)[2] < UNKNOWN_SHARE * depth
+        instrument_sums(other, few, noise, moments, spread)
+        good += _error_from(spread, share) < UNKNOWN_SHARE * depth
+        if good > 2 or good + 4 - place < 3:  # the others cannot change it
+            break
+    return good > 2
 
 
 @compiled
-def _error_from(information):
-    """Standard error of the position in space from an information matrix (P, P); infinite where it hides one."""
-    inverse, fine = scaled_solve(information, np.eye(len(information)))
-    return np.sqrt(inverse[0, 0] + inverse[1, 1] + inverse[2, 2]) if fine else np.inf
+def _error_from(information, share):
+    """Standard error of the position in space from an information matrix (P, P); infinite where it hides one.
+
+    share : of all pings, that the matrix is made of
+    """
+    root, inverse = np.empty(information.shape), np.eye(len(information))
+    if not root_of(information, root):
+        return np.inf
+    whiten(root, inverse)
+    return np.sqrt(share * squares(inverse[:, :3]))
 
 
 @compiled
-def _improve(moments, root, highest, theta):
-    """A few Newton steps, in place, towards zero score, halved while its size grows; whether any was found."""
-    unknowns = len(theta)
-    value, own = np.empty((unknowns, 1)), np.empty((unknowns, unknowns))
-    trial, white = np.empty(unknowns), np.empty((unknowns, 1))
+def _room(unknowns):
+    """Scratch for `_improve`: a score (P, 1), its matrix (P, P), the score in standard errors, and a step."""
+    return (
+        np.empty((unknowns, 1)),
+        np.empty((unknowns, unknowns)),
+        np.empty((unknowns, 1)),
+        np.empty((unknowns, 1)),
+        np.empty(unknowns),
+    )
+
+
+@compiled
+def _score_size(moments, root, theta, work):
+    """Square of the score in standard errors; fills the score and its matrix."""
+    value, own, white = work[0], work[1], work[2]
     score(moments, theta, value[:, 0], own)
     white[:] = value
     whiten(root, white)
-    size = np.sum(white**2)
+    return squares(white)
+
+
+@compiled
+def _improve(moments, root, highest, theta, work):
+    """A few Newton steps, in place, towards zero score, halved while its size grows; whether any was found."""
+    value, own, _, move, trial = work
+    size = _score_size(moments, root, theta, work)
     for step in range(STEPS):
-        move, fine = scaled_solve(own, value)
-        if not fine:
+        move[:] = value
+        if not scaled_solve(own, move):
             return step > 0
         share = 1.0
         while share > 1e-4:
-            for k in range(unknowns):
+            for k in range(len(theta)):
                 trial[k] = theta[k] - share * move[k, 0]
             if trial[2] < highest:
-                score(moments, trial, value[:, 0], own)
-                white[:] = value
-                whiten(root, white)
-                found = np.sum(white**2)
+                found = _score_size(moments, root, trial, work)
                 if found <= size * (1 + 1e-6) + 1e-14:
                     break
             share /= 2
         if share <= 1e-4:  # no better place with these instruments: others may show one, half way along
             if step == 0 and theta[2] - move[2, 0] / 2 < highest:
-                for k in range(unknowns):
+                for k in range(len(theta)):
                     theta[k] -= move[k, 0] / 2
             return step > 0
         theta[:] = trial

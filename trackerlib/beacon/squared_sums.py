@@ -3,11 +3,14 @@
 The squared range q is quadratic in the unknowns, so with instruments J and weights w held, the sum of w J q is a
 quadratic polynomial in them. Its coefficients are moments: sums of w J times the columns of `COLUMNS`.
 
-    instrument_sums(theta, track, smooth, origin, noise, moments, spread)
+    track = lay_out(ship, smooth, ranges, epochs, origin, span, moving, sums)
+    instrument_sums(theta, track, noise, moments, spread)
     score(moments, theta, value, own)
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -18,66 +21,225 @@ from trackerlib.compiled import compiled
 # Columns of the moments: what is known of q, place, range, one; the same times t, t, t squared.
 KNOWN, EAST, NORTH, UP, RANGE, ONE, T_EAST, T_NORTH, T_UP, T, TT = range(11)
 STILL_COLUMNS, COLUMNS = 6, 11
-BLOCK = 64  # pings worked on side by side
+STILL_ROWS, MOVING_ROWS = 4, 7  # instruments, one an unknown
+START_ROWS = 8  # of a start with motion, and place enough for any instruments
+BLOCK = 128  # pings worked on side by side
 FAST = {"reassoc", "contract", "arcp", "nsz"}  # NaN and infinity keep their meaning
 
 _fast = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 
 
-@_fast
-def _add_products(left, right, rows, columns, out):
-    """Adds to `out` (rows, columns) the products of the rows of two buffers."""
-    for i in range(rows):
-        for j in range(columns):
-            total = 0.0
-            for k in range(BLOCK):
-                total += left[i * BLOCK + k] * right[j * BLOCK + k]
-            out[i, j] += total
+class Track(NamedTuple):
+    """A survey laid out for sums: block after block of BLOCK pings, in each one row after the other, zero at the end.
 
-
-@_fast
-def _fill_columns(ship, ranges, epochs, origin, first, count, moving, known, columns):
-    """Fills the columns of pings first to first + count, zero beyond; `known` is taken from q.
-
-    A buffer here is flat, its rows BLOCK long, which tells the compiler that they do not overlap.
+    A buffer is flat, its rows of constant length, which tells the compiler that they do not overlap.
     """
-    x0, y0, up0, r0 = origin[0], origin[1], origin[2], origin[3]
-    for k in range(count):
-        x, y = ship[first + k, 0] - x0, ship[first + k, 1] - y0
-        up, r = ship[first + k, 2] - up0, ranges[first + k] - r0
-        columns[KNOWN * BLOCK + k] = x * x + y * y + up * up - r * r - known
-        columns[EAST * BLOCK + k] = x
-        columns[NORTH * BLOCK + k] = y
-        columns[UP * BLOCK + k] = up
+
+    pings: int
+    highest: float  # height of the hydrophone
+    width: int  # rows of columns a block: those of `COLUMNS`, and an empty one where they are odd in number
+    columns: np.ndarray
+    told: np.ndarray  # east and north (2 rows) of the ship as the others tell it
+    instruments: np.ndarray  # of the block in work (START_ROWS rows)
+    weighted: np.ndarray  # the same times their weights
+
+
+@compiled
+def _empty_track(count, highest, moving):
+    blocks, width = (count + BLOCK - 1) // BLOCK, COLUMNS + 1 if moving else STILL_COLUMNS
+    columns, told = np.empty(blocks * width * BLOCK), np.empty(blocks * 2 * BLOCK)
+    last = blocks - 1
+    columns[last * width * BLOCK :] = 0.0
+    told[last * 2 * BLOCK :] = 0.0
+    return Track(
+        count, highest, width, columns, told, np.zeros(START_ROWS * BLOCK), np.zeros(START_ROWS * BLOCK)
+    )
+
+
+@_fast
+def _add_products(left, right, first, rows, columns, out):
+    """Adds to `out` (rows, columns) the products of rows of two buffers, those of the right one from `first` on.
+
+    They are taken two by two, so that buffers need a row more where rows or columns are odd in number.
+    """
+    for i in range(0, rows, 2):
+        one, other = left[i * BLOCK : (i + 1) * BLOCK], left[(i + 1) * BLOCK : (i + 2) * BLOCK]
+        for j in range(0, columns, 2):
+            at = first + j * BLOCK
+            this, next_one = right[at : at + BLOCK], right[at + BLOCK : at + 2 * BLOCK]
+            a = b = c = d = 0.0
+            for k in range(BLOCK):
+                a += one[k] * this[k]
+                b += one[k] * next_one[k]
+                c += other[k] * this[k]
+                d += other[k] * next_one[k]
+            out[i, j] += a
+            if j + 1 < columns:
+                out[i, j + 1] += b
+            if i + 1 < rows:
+                out[i + 1, j] += c
+                if j + 1 < columns:
+                    out[i + 1, j + 1] += d
+
+
+@compiled
+def _block(track, first):
+    """Columns and told places of the block from ping `first` on."""
+    at, size = first * track.width, track.width * BLOCK
+    return track.columns[at : at + size], track.told[2 * first : 2 * (first + BLOCK)]
+
+
+@compiled
+def lay_out(ship, smooth, ranges, epochs, origin, span, moving, sums):
+    """The track, counted from `origin` (4,), and what starts are made of, as they need the same columns.
+
+    smooth : (N, 2) what the others tell of the ship's place
+    sums : (4 or 8, COLUMNS) filled with sums of smoothed place, range and one (and t times these but the range, t
+        squared) times the columns. Instants are counted in `span`; what heights differ by is left out of `KNOWN`.
+    """
+    track = _empty_track(len(ship), _highest(ship) - origin[2], moving)
+    rows, used = (START_ROWS, COLUMNS) if moving else (STILL_ROWS, STILL_COLUMNS)
+    sums[:] = 0.0
+    for first in range(0, len(ship), BLOCK):
+        part, (columns, told) = slice(first, first + BLOCK), _block(track, first)
+        _fill_columns(ship[part], smooth[part], ranges[part], epochs[part], origin, moving, columns, told)
+        _fill_left(span, moving, columns, told, track.weighted)
+        _add_products(track.weighted, columns, 0, rows, used, sums)
+        _add_heights(columns)
+    return track
+
+
+@_fast
+def _fill_columns(ship, smooth, ranges, epochs, origin, moving, columns, told):
+    """Fills a block; squares of heights are not yet in `KNOWN`."""
+    for row in range(3):
+        _fill_row(ship[:, row], origin[row], columns[(EAST + row) * BLOCK : (EAST + row + 1) * BLOCK])
+    for row in range(2):
+        _fill_row(smooth[:, row], origin[row], told[row * BLOCK : (row + 1) * BLOCK])
+    for k in range(len(ship)):
+        x, y, r = columns[EAST * BLOCK + k], columns[NORTH * BLOCK + k], ranges[k] - origin[3]
+        columns[KNOWN * BLOCK + k] = x * x + y * y - r * r
         columns[RANGE * BLOCK + k] = r
         columns[ONE * BLOCK + k] = 1.0
     if moving:
-        for k in range(count):
-            t = epochs[first + k]
+        for k in range(len(ship)):
+            t = epochs[k]
             columns[T_EAST * BLOCK + k] = t * columns[EAST * BLOCK + k]
             columns[T_NORTH * BLOCK + k] = t * columns[NORTH * BLOCK + k]
             columns[T_UP * BLOCK + k] = t * columns[UP * BLOCK + k]
             columns[T * BLOCK + k] = t
             columns[TT * BLOCK + k] = t * t
-    _clear_beyond(columns, count)
+            columns[COLUMNS * BLOCK + k] = 0.0
 
 
 @_fast
-def _fill_instruments(theta, ship, smooth, epochs, origin, first, count, noise, instruments, weighted):
-    """Fills instruments (P rows) and the same times their weights, zero beyond `count`."""
+def _fill_row(values, origin, row):
+    for k in range(len(values)):
+        row[k] = values[k] - origin
+
+
+@_fast
+def _fill_left(span, moving, columns, told, left):
+    """Fills what the equations of a start are multiplied by."""
+    for k in range(BLOCK):
+        left[k] = told[k]
+        left[BLOCK + k] = told[BLOCK + k]
+        left[2 * BLOCK + k] = columns[RANGE * BLOCK + k]
+        left[3 * BLOCK + k] = columns[ONE * BLOCK + k]
+    if moving:
+        for k in range(BLOCK):
+            t = columns[T * BLOCK + k] / span
+            left[4 * BLOCK + k] = t * left[k]
+            left[5 * BLOCK + k] = t * left[BLOCK + k]
+            left[6 * BLOCK + k] = t
+            left[7 * BLOCK + k] = t * t
+
+
+@_fast
+def _add_heights(columns):
+    for k in range(BLOCK):
+        columns[KNOWN * BLOCK + k] += columns[UP * BLOCK + k] ** 2
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _highest(ship):
+    highest = ship[0, 2]
+    for n in range(len(ship)):
+        highest = max(highest, ship[n, 2])
+    return highest
+
+
+@compiled
+def radius_of(track):
+    """Root-mean-square distance of the ship from the origin."""
+    total = 0.0
+    for first in range(0, track.pings, BLOCK):
+        at = first * track.width
+        for k in range(2 * BLOCK):  # east and north follow each other
+            total += track.columns[at + EAST * BLOCK + k] ** 2
+    return np.sqrt(total / track.pings)
+
+
+@compiled
+def thinned(track):
+    """A track of every so many pings, a block or less, evenly taken: enough to say how well a place is seen."""
+    step = (track.pings + BLOCK - 1) // BLOCK
+    few = _empty_track((track.pings + step - 1) // step, track.highest, track.width > STILL_COLUMNS)
+    for k in range(few.pings):
+        ping = min(k * step + step // 2, track.pings - 1)
+        first = ping // BLOCK * BLOCK
+        columns, told = _block(track, first)
+        for row in range(track.width):
+            few.columns[row * BLOCK + k] = columns[row * BLOCK + ping - first]
+        for row in range(2):
+            few.told[row * BLOCK + k] = told[row * BLOCK + ping - first]
+    return few
+
+
+@compiled
+def instrument_sums(theta, track, noise, moments, spread):
+    """Fills the moments (P, COLUMNS) of w J and the sum of w J J' (P, P), instruments and weights at theta (P,).
+
+    theta : east, north, up, c0, then three velocities if it moves, less the track's origin
+    noise : variances (3,) east, north, range
+    """
+    unknowns = len(theta)
+    used = COLUMNS if unknowns > STILL_ROWS else STILL_COLUMNS
+    moments[:] = 0.0
+    spread[:] = 0.0
+    for first in range(0, track.pings, BLOCK):
+        fill_instruments(theta, track, first, noise)
+        _add_products(track.weighted, track.columns, first * track.width, unknowns, used, moments)
+        _add_products(track.weighted, track.instruments, 0, unknowns, unknowns, spread)
+    known = noise[0] + noise[1] - noise[2]
+    for i in range(unknowns):
+        moments[i, KNOWN] -= known * moments[i, ONE]
+
+
+@compiled
+def fill_instruments(theta, track, first, noise):
+    """Fills the track's instruments and the same times their weights for the block from ping `first` on."""
+    columns, told = _block(track, first)
+    _fill_instruments(theta, columns, told, noise, track.instruments, track.weighted)
+    if len(theta) > STILL_ROWS:
+        _fill_motion(columns, track.instruments)
+        _fill_motion(columns, track.weighted)
+
+
+@_fast
+def _fill_instruments(theta, columns, told, noise, instruments, weighted):
     gx, gy, rr = 4 * (noise[0] + noise[2]), 4 * (noise[1] + noise[2]), 4 * noise[2]
     floor = 2 * (noise[0] * noise[0] + noise[1] * noise[1] + noise[2] * noise[2])
-    x0, y0, z0 = origin[0] + theta[0], origin[1] + theta[1], origin[2] + theta[2]
-    vx = vy = vz = 0.0
-    if len(theta) > 4:
-        vx, vy, vz = theta[4], theta[5], theta[6]
-    for k in range(count):
-        t = epochs[first + k]
-        x, y = smooth[first + k, 0] - x0 - t * vx, smooth[first + k, 1] - y0 - t * vy
-        z = z0 + t * vz - ship[first + k, 2]
+    x0, y0, z0 = theta[0], theta[1], theta[2]
+    moving = len(theta) > STILL_ROWS
+    vx, vy, vz = (theta[4], theta[5], theta[6]) if moving else (0.0, 0.0, 0.0)
+    for k in range(BLOCK):
+        t = columns[T * BLOCK + k] if moving else 0.0
+        x, y = told[k] - x0 - t * vx, told[BLOCK + k] - y0 - t * vy
+        z = z0 + t * vz - columns[UP * BLOCK + k]
         xx, yy, zz = x * x, y * y, z * z
         s = 2 * np.sqrt(xx + yy + zz)
-        w = 1 / (xx * gx + yy * gy + zz * rr + floor)
+        w = columns[ONE * BLOCK + k] / (xx * gx + yy * gy + zz * rr + floor)
         instruments[k] = -2 * x
         instruments[BLOCK + k] = -2 * y
         instruments[2 * BLOCK + k] = 2 * z
@@ -86,77 +248,14 @@ def _fill_instruments(theta, ship, smooth, epochs, origin, first, count, noise, 
         weighted[BLOCK + k] = -2 * y * w
         weighted[2 * BLOCK + k] = 2 * z * w
         weighted[3 * BLOCK + k] = s * w
-    if len(theta) > 4:
-        for k in range(count):
-            t = epochs[first + k]
-            for i in range(3):
-                instruments[(4 + i) * BLOCK + k] = t * instruments[i * BLOCK + k]
-                weighted[(4 + i) * BLOCK + k] = t * weighted[i * BLOCK + k]
-    _clear_beyond(instruments, count)
-    _clear_beyond(weighted, count)
 
 
 @_fast
-def _clear_beyond(buffer, count):
-    if count < BLOCK:
-        for row in range(0, len(buffer), BLOCK):
-            buffer[row + count : row + BLOCK] = 0.0
-
-
-@compiled
-def instrument_sums(theta, ship, smooth, ranges, epochs, origin, noise, moments, spread):
-    """Fills the moments (P, COLUMNS) of w J and the sum of w J J' (P, P), instruments and weights at theta (P,).
-
-    theta : east, north, up, c0, then three velocities if it moves, less `origin` (4,)
-    smooth : (N, 2) what the others tell of the ship's place; noise : variances (3,) east, north, range
-    """
-    unknowns, count = len(theta), len(ship)
-    moving = unknowns > 4
-    columns, used = np.empty(COLUMNS * BLOCK), COLUMNS if moving else STILL_COLUMNS
-    instruments, weighted = np.empty(unknowns * BLOCK), np.empty(unknowns * BLOCK)
-    known = noise[0] + noise[1] - noise[2]
-    moments[:] = 0.0
-    spread[:] = 0.0
-    for first in range(0, count, BLOCK):
-        part = min(BLOCK, count - first)
-        _fill_columns(ship, ranges, epochs, origin, first, part, moving, known, columns)
-        _fill_instruments(theta, ship, smooth, epochs, origin, first, part, noise, instruments, weighted)
-        _add_products(weighted, columns, unknowns, used, moments)
-        _add_products(weighted, instruments, unknowns, unknowns, spread)
-
-
-@compiled
-def start_sums(ship, smooth, ranges, epochs, origin, span, moving, sums):
-    """Fills sums (4 or 8, COLUMNS) of smoothed place, range and one (and t times these, t squared) times columns.
-
-    Instants are counted in `span`; what heights differ by is left out.
-    """
-    count, rows = len(ship), 8 if moving else 4
-    columns, left = np.empty(COLUMNS * BLOCK), np.empty(rows * BLOCK)
-    sums[:] = 0.0
-    for first in range(0, count, BLOCK):
-        part = min(BLOCK, count - first)
-        _fill_columns(ship, ranges, epochs, origin, first, part, moving, 0.0, columns)
-        _fill_left(smooth, epochs, origin, first, part, span, moving, columns, left)
-        _add_products(left, columns, rows, COLUMNS if moving else STILL_COLUMNS, sums)
-
-
-@_fast
-def _fill_left(smooth, epochs, origin, first, count, span, moving, columns, left):
-    """Fills what the equations of a start are multiplied by, and takes heights out of what is known."""
-    for k in range(count):
-        left[k] = smooth[first + k, 0] - origin[0]
-        left[BLOCK + k] = smooth[first + k, 1] - origin[1]
-        left[2 * BLOCK + k] = columns[RANGE * BLOCK + k]
-        left[3 * BLOCK + k] = 1.0
-        columns[KNOWN * BLOCK + k] -= columns[UP * BLOCK + k] ** 2
-    if moving:
-        for k in range(count):
-            t = epochs[first + k] / span
-            for i in range(3):
-                left[(4 + i) * BLOCK + k] = t * (left[i * BLOCK + k] if i < 2 else 1.0)
-            left[7 * BLOCK + k] = t * t
-    _clear_beyond(left, count)
+def _fill_motion(columns, rows):
+    """Fills the rows of velocities: those of places times t."""
+    for i in range(3):
+        for k in range(BLOCK):
+            rows[(4 + i) * BLOCK + k] = columns[T * BLOCK + k] * rows[i * BLOCK + k]
 
 
 @compiled
@@ -194,89 +293,120 @@ def _add_motion(moments, theta, value, own):
 
 
 @compiled
-def take_out_shared(theta, ship, smooth, shared, epochs, origin, noise, moments):
+def take_out_shared(theta, track, shared, noise, moments):
     """Takes out of the moments what instruments that share the ping's own position error would leave in the mean.
 
     shared : (N,) covariance of smoothed place and own over the variance of a position. By Stein's lemma w J q then
         has the mean 2 shared (gx^2 dx d/dx + gy^2 dy d/dy) w J; dx and dy are taken from the ping itself.
     """
-    unknowns = len(theta)
-    instruments, weighted = np.empty(unknowns * BLOCK), np.empty(unknowns * BLOCK)
-    change, right, lost = np.empty(unknowns * BLOCK), np.empty(3 * BLOCK), np.empty((unknowns, 3))
-    for first in range(0, len(ship), BLOCK):
-        part = min(BLOCK, len(ship) - first)
-        _fill_instruments(theta, ship, smooth, epochs, origin, first, part, noise, instruments, weighted)
-        for axis in range(2):
-            _fill_change(axis, unknowns, epochs, shared, first, part, noise, instruments, weighted, change)
-            for k in range(part):
-                right[k] = ship[first + k, axis] - origin[axis]
-                right[BLOCK + k], right[2 * BLOCK + k] = 1.0, epochs[first + k]
-            _clear_beyond(right, part)
-            lost[:] = 0.0
-            _add_products(change, right, unknowns, 3, lost)
-            for i in range(unknowns):
-                moments[i, KNOWN] -= lost[i, 0]
-                moments[i, EAST + axis] -= lost[i, 1] / 2
-                moments[i, T_EAST + axis] -= lost[i, 2] / 2
-
-
-@_fast
-def _fill_change(axis, unknowns, epochs, shared, first, count, noise, instruments, weighted, change):
-    """Fills 2 shared g^2 times how weighted instruments change with the smoothed place along an axis."""
-    for k in range(count):
-        twice = 2 * shared[first + k] * noise[axis]
-        d = -instruments[axis * BLOCK + k] / 2
-        s, ws = instruments[3 * BLOCK + k], weighted[3 * BLOCK + k]
-        w = ws / s
-        by_weight = -8 * twice * d * w * (noise[axis] + noise[2])
-        for i in range(3):
-            change[i * BLOCK + k] = by_weight * weighted[i * BLOCK + k]
-        change[axis * BLOCK + k] -= 2 * twice * w
-        change[3 * BLOCK + k] = by_weight * ws + 4 * twice * w * d / s
-    if unknowns > 4:
-        for k in range(count):
-            for i in range(3):
-                change[(4 + i) * BLOCK + k] = epochs[first + k] * change[i * BLOCK + k]
-    _clear_beyond(change, count)
+    own, change, lost = _nothing_lost(len(theta))
+    for first in range(0, track.pings, BLOCK):
+        fill_instruments(theta, track, first, noise)
+        part = shared[first : first + BLOCK]
+        own[: len(part)] = part
+        own[len(part) :] = 0.0
+        _lose(len(theta), track, first, noise, own, change, lost)
+    _take_out(lost, moments)
 
 
 @compiled
-def share_by_leverage(theta, ship, smooth, epochs, origin, noise, root, shared):
-    """Fills `shared` (N,) with what `take_out_shared` needs to undo the bias that noise in the instruments leaves.
+def take_out_noise(theta, track, noise, root, moments):
+    """Takes out of the moments the bias that noise in the instruments leaves.
 
     The noise of a smoothed place is that of the pings it is made of, and so goes with the error of the solution that
     these pings move. To second order the score's mean changes as if each ping shared its leverage, w J' spread^-1 J,
     of its own error, the other way round. root : (P, P) of the spread.
     """
-    unknowns = len(theta)
-    instruments, weighted = np.empty(unknowns * BLOCK), np.empty(unknowns * BLOCK)
-    for first in range(0, len(ship), BLOCK):
-        part = min(BLOCK, len(ship) - first)
-        _fill_instruments(theta, ship, smooth, epochs, origin, first, part, noise, instruments, weighted)
-        whiten(root, instruments.reshape(unknowns, BLOCK))
-        whiten(root, weighted.reshape(unknowns, BLOCK))
-        shared[first : first + part] = 0.0
-        for i in range(unknowns):
-            for k in range(part):
-                shared[first + k] -= instruments[i * BLOCK + k] * weighted[i * BLOCK + k]
+    own, change, lost = _nothing_lost(len(theta))
+    inverse = np.eye(len(theta))
+    whiten(root, inverse)
+    for first in range(0, track.pings, BLOCK):
+        fill_instruments(theta, track, first, noise)
+        _fill_leverage(inverse, _block(track, first)[0], track.instruments, track.weighted, own)
+        _lose(len(theta), track, first, noise, own, change, lost)
+    _take_out(lost, moments)
+
+
+@_fast
+def _fill_leverage(inverse, columns, instruments, weighted, leverage):
+    """Fills the leverages (BLOCK,), less than zero, of a block; inverse : (P, P) of the root."""
+    moving = len(inverse) > STILL_ROWS
+    leverage[:] = 0.0
+    for i in range(len(inverse)):
+        a, b, c, d = inverse[i, 0], inverse[i, 1], inverse[i, 2], inverse[i, 3]
+        e, f, g = (inverse[i, 4], inverse[i, 5], inverse[i, 6]) if moving else (0.0, 0.0, 0.0)
+        for k in range(BLOCK):
+            t = columns[T * BLOCK + k] if moving else 0.0
+            x, y, z = instruments[k], instruments[BLOCK + k], instruments[2 * BLOCK + k]
+            white = (a + t * e) * x + (b + t * f) * y + (c + t * g) * z + d * instruments[3 * BLOCK + k]
+            leverage[k] -= white * white
+    for k in range(BLOCK):
+        leverage[k] *= weighted[3 * BLOCK + k] / instruments[3 * BLOCK + k]
 
 
 @compiled
-def correlated_spread(theta, ship, smooth, epochs, origin, noise, correlation, spread):
+def _nothing_lost(unknowns):
+    """What a block's pings share (BLOCK,), scratch for `_lose`, and sums to begin with."""
+    return np.empty(BLOCK), np.zeros(2 * START_ROWS * BLOCK), np.zeros((2, 3, unknowns, 2))
+
+
+@compiled
+def _lose(unknowns, track, first, noise, own, change, lost):
+    """Adds to `lost`, by axis, what a block loses of known squares, of places, and of places times t."""
+    columns = _block(track, first)[0]
+    _fill_change(noise, own, track.instruments, track.weighted, change)
+    for axis in range(2):
+        rows = change[axis * START_ROWS * BLOCK : (axis + 1) * START_ROWS * BLOCK]
+        if unknowns > STILL_ROWS:
+            _fill_motion(columns, rows)
+            _add_products(rows, columns, T * BLOCK, unknowns, 2, lost[axis, 2])
+        _add_products(rows, columns, EAST * BLOCK, unknowns, 2, lost[axis, 0])
+        _add_products(rows, columns, RANGE * BLOCK, unknowns, 2, lost[axis, 1])
+
+
+@compiled
+def _take_out(lost, moments):
+    for axis in range(2):
+        for i in range(len(moments)):
+            moments[i, KNOWN] -= lost[axis, 0, i, axis]
+            moments[i, EAST + axis] -= lost[axis, 1, i, ONE - RANGE] / 2
+            moments[i, T_EAST + axis] -= lost[axis, 2, i, 0] / 2
+
+
+@_fast
+def _fill_change(noise, shared, instruments, weighted, change):
+    """Fills 2 shared g^2 times how weighted instruments change with the smoothed place, east and then north."""
+    gx, gy, rr, north = noise[0], noise[1], noise[2], START_ROWS * BLOCK
+    for k in range(BLOCK):
+        x, y, z, s = weighted[k], weighted[BLOCK + k], weighted[2 * BLOCK + k], weighted[3 * BLOCK + k]
+        per = 1 / instruments[3 * BLOCK + k]
+        east_share, north_share = 4 * shared[k] * gx, 4 * shared[k] * gy
+        # the logarithm of w changes by -8 dx w (gx^2 + range's), and dx is -instrument / 2
+        by_east, by_north = 2 * east_share * x * (gx + rr), 2 * north_share * y * (gy + rr)
+        change[k] = by_east * x - east_share * s * per
+        change[BLOCK + k] = by_east * y
+        change[2 * BLOCK + k] = by_east * z
+        change[3 * BLOCK + k] = by_east * s - east_share * x * per
+        change[north + k] = by_north * x
+        change[north + BLOCK + k] = by_north * y - north_share * s * per
+        change[north + 2 * BLOCK + k] = by_north * z
+        change[north + 3 * BLOCK + k] = by_north * s - north_share * y * per
+
+
+@compiled
+def correlated_spread(theta, track, epochs, noise, correlation, spread):
     """Adds to the score's covariance (P, P) what errors of position that are correlated in time add.
 
     Two pings' q covary by 4 (gx^2 dx dx' + gy^2 dy dy') r + 2 (gx^4 + gy^4) r^2 where their position errors
     correlate by r = exp(-|t - t'| / correlation); such sums fall by a factor from one ping to the next.
     """
-    unknowns = len(theta)
-    instruments, weighted = np.empty(unknowns * BLOCK), np.empty(unknowns * BLOCK)
+    unknowns, instruments, weighted = len(theta), track.instruments, track.weighted
     east, north, both = np.zeros(unknowns), np.zeros(unknowns), np.zeros(unknowns)
     gx, gy = noise[0], noise[1]
     fourth = 2 * (gx * gx + gy * gy)
-    for first in range(0, len(ship), BLOCK):
-        part = min(BLOCK, len(ship) - first)
-        _fill_instruments(theta, ship, smooth, epochs, origin, first, part, noise, instruments, weighted)
-        for k in range(part):
+    for first in range(0, track.pings, BLOCK):
+        fill_instruments(theta, track, first, noise)
+        for k in range(min(BLOCK, track.pings - first)):
             n = first + k
             fall = np.exp(-abs(epochs[n] - epochs[n - 1]) / correlation) if n else 0.0
             ix, iy = instruments[k], instruments[BLOCK + k]
