@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
+from trackerlib.receiver.recording_start import recording_began
 from trackerlib.textfiles import InputError
 
 BLOCK_S = 1.0  # read at a time
@@ -44,6 +45,7 @@ class Recording:
         self.channels: int = self._file.channels
         self.layout = f"{self._file.format}, {self._file.subtype}"
         self.simulated = SIMULATED in (self._file.comment, self._file.title)
+        self.began = recording_began(self.path, self._file.date)  # [s since 1970], and what tells it; or None
         self.channel = self._choose(channel)
         self.promised = self._promised()  # samples that the file's head tells of
         self.samples_read, self.loudest = 0, np.zeros(self.channels)
