@@ -13,6 +13,7 @@ from dashboards.tabs.chart import ChartTab
 from dashboards.tabs.chart_controls import ChartControls
 from dashboards.tabs.chart_export import folded_signal
 from trackerlib.frames import LocalFrame
+from trackerlib.simulation.hunt_files import write_hunt
 from trackerlib.simulation.hunt_sound import BEACON_M, simulate_hunt_sound
 from trackerlib.simulation.sound import write_sound
 
@@ -207,6 +208,73 @@ def test_a_recording_that_is_cut_short_or_clipped_is_heard_and_says_so(tmp_path)
     assert tab.paper.count == 7
     assert "truncated" in session.message
     assert "truncated" in tab.words.object.lower()
+    session.close()
+
+
+@pytest.fixture(scope="module")
+def brought_home(tmp_path_factory):
+    """Half a simulated hunt as a recording, and the log of her GPS."""
+    path = tmp_path_factory.mktemp("home") / "hunt.flac"
+    hunt = simulate_hunt_sound(3, rate_hz=24_000)
+    return path, write_hunt(path, hunt, 500.0, 1_714_521_600.25), hunt
+
+
+def test_positions_beside_a_recording_make_hyperbola_line_and_fix(brought_home):
+    path, log, hunt = brought_home
+    session = Session()
+    tab = ChartTab(session=session)
+    tab.activate()
+    session.open_file("gps.nmea", log.read_bytes())
+    assert "wait for the recording" in session.message
+    session.open_file("hunt.flac", path.read_bytes())
+    assert not session.failed, session.message
+    assert "1001 SIMULATED positions (NMEA 0183)" in session.message
+    assert "arrivals above the threshold have a position" in tab.words.object
+    drag(tab, 10, 240)
+    tab.controls_.fit.clicks += 1
+    line = tab.marks.found.line
+    assert abs(line.distance_m - np.hypot(500, 770)) < 4 * line.sigma_m + 3
+    assert "at 2024-05-01T00:0" in tab.pass_words.object
+    tab.controls_.keep_line.clicks += 1
+    assert len(session.bearing_lines) == 1
+    tab.marks.clear()
+    tab.controls_.accept.clicks += 1
+    assert not session.failed, session.message
+    assert session.pings.simulated
+    assert str(session.pings.utc[0]).startswith("2024-05-01T00:00:0")
+    frame = LocalFrame(hunt.truth["lat_deg"], hunt.truth["lon_deg"])
+    place = frame.to_local(session.pings.lat_deg, session.pings.lon_deg, np.zeros(len(session.pings)))
+    assert np.hypot(place[:, 0], place[:, 1]).min() == pytest.approx(500, abs=15)
+    session.close()
+
+
+def test_refused_positions_are_counted_and_a_bad_log_is_told_with_its_line(brought_home, tmp_path):
+    path, log, _ = brought_home
+    lines = log.read_text().splitlines()
+    tab = ChartTab(session=Session())
+    session, c = tab.session, tab.controls_
+    tab.activate()
+    c.path.value = str(path)
+    c.open_path.clicks += 1
+    (tmp_path / "gap.nmea").write_text("\n".join([*lines[:401], "$GPGGA,junk*00", *lines[601:]]))
+    c.navigation.value = str(tmp_path / "gap.nmea")
+    c.open_navigation.clicks += 1
+    assert "1 lines gave none, the first is line 402: $GPGGA,junk has checksum 00" in session.message
+    assert "refused: gap of more than 4 s" in tab.words.object
+    c.accept.clicks += 1
+    assert "refused: gap of more than 4 s" in session.message
+    c.began.value = "2024-05-01T01:00:00"
+    assert "the nearest is 0:43:20 before its beginning" in session.message
+    c.accept.clicks += 1
+    assert session.failed
+    assert "where the ship was is not known" in session.message
+    c.began.value = "noon"
+    assert "Recording began is 'noon'" in session.message
+    c.began.value = ""
+    (tmp_path / "bad.csv").write_text("utc,lat_deg,lon_deg\nnever,1,2\n")
+    c.navigation.value = str(tmp_path / "bad.csv")
+    c.open_navigation.clicks += 1
+    assert "bad.csv: found no usable fix, wanted at least two; line 2: utc is 'never'" in session.message
     session.close()
 
 
