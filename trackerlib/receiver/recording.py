@@ -36,7 +36,10 @@ class Recording:
         if not self.path.exists():
             raise InputError(f"{self.path}: no such file")
         try:
+            self.path.open("rb").close()  # libsndfile's own word for a file it may not read is "System error"
             self._file = soundfile.SoundFile(self.path)
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be read ({error.strerror})") from None
         except soundfile.LibsndfileError as error:
             raise InputError(
                 f"{self.path}: found no recording of sound ({error.error_string.strip()}); wanted WAV, RF64 or FLAC"
