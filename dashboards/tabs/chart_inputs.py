@@ -194,9 +194,11 @@ class Inputs:
     def _connect(self) -> None:
         c = self.controls_
         if self.live.receiver is not None:
-            self.live.disconnect()
-            self.session.say("Disconnected; what was heard stays")
+            lost = self.live.disconnect()
             self._tell()
+            if lost:
+                raise InputError(lost)
+            self.session.say("Disconnected; what was heard stays")
             return
         self.live.threshold, self.live.feeding = self.threshold, c.feed.value
         self.live.connect(
