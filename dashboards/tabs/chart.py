@@ -390,10 +390,11 @@ class ChartTab(Inputs, TraceActions, Tab):
     def _straighten(self) -> None:
         if self.roll is None:
             raise InputError("there is no trace yet")
-        interval_s, sigma_s = self.marks.straight(self.roll, self.settings, self.threshold)
+        interval_s, sigma_s, echo = self.marks.straight(self.roll, self.settings, self.threshold)
         self.controls_.interval.value = round(interval_s, 7)
         self.session.say(
-            f"The trace stands upright at {1e3 * interval_s:.4f} ± {1e3 * sigma_s:.2g} ms; Undo goes back"
+            f"The trace stands upright at {1e3 * interval_s:.4f} ± {1e3 * sigma_s:.2g} ms; "
+            f"{echo + '; ' if echo else ''}Undo goes back"
         )
 
     def _change_threshold(self) -> None:

@@ -12,7 +12,7 @@ from trackerlib.commands import main
 from trackerlib.receiver.report_receiver import FULL_SCALE_V
 from trackerlib.simulation.hunt_files import write_hunt
 from trackerlib.simulation.hunt_sound import simulate_hunt_sound
-from trackerlib.simulation.sound import SimulatedSound, write_sound
+from trackerlib.simulation.sound import SimulatedSound, joined_pulses, write_sound
 from trackerlib.surveyfiles.survey import read_survey
 
 BEGAN_S = 1_714_521_600.25  # 2024-05-01 00:00:00.25 UTC
@@ -170,3 +170,18 @@ def test_a_recording_that_does_not_say_when_it_began_needs_to_be_told(call, reco
     assert (code, rows) == (2, None)
     assert "hunt.nmea: needs the time at which the recording began" in err
     assert "--began" in err
+
+
+def test_a_late_echo_is_no_second_pinger(call, tmp_path):
+    """Loud pings every 2 s, and their echo 0.13 s behind; the fold gives both a train."""
+    path, true_s = tmp_path / "echo.flac", 0.3137 + 2.0 * np.arange(40)
+    every = joined_pulses(pulses_at(true_s, 45), pulses_at(true_s + 0.13, 42))
+    write_sound(path, SimulatedSound(every, DENSITY_V, 24_000, FULL_SCALE_V, 1), 80.0)
+    code, _, out, _ = call(path, "--json")
+    assert code == 0
+    trains = json.loads(out)["trains"]
+    assert [train["pings"] for train in trains] == [40, 40]
+    (echo,) = [train for train in trains if train["echo_of"] is not None]
+    assert echo["lag_ms"] == pytest.approx(130, abs=1)
+    assert trains[echo["echo_of"] - 1]["interval_s"] == pytest.approx(2.0, abs=1e-5)
+    assert "ms behind" in call(path)[2]

@@ -12,7 +12,11 @@ from dashboards.session import Session, binary_kind
 from dashboards.tabs.chart import ChartTab
 from dashboards.tabs.chart_controls import ChartControls
 from dashboards.tabs.chart_export import folded_signal
+from dashboards.tabs.chart_marks import TraceMarks
 from trackerlib.frames import LocalFrame
+from trackerlib.receiver.arrivals import Arrivals
+from trackerlib.receiver.chart import ChartSettings
+from trackerlib.receiver.rolls import MarkRoll
 from trackerlib.simulation.hunt_files import write_hunt
 from trackerlib.simulation.hunt_sound import BEACON_M, simulate_hunt_sound
 
@@ -315,3 +319,15 @@ def test_binary_uploads_are_told_by_their_first_bytes():
     assert binary_kind(b"fLaC\x00") == "recording"
     assert binary_kind(b"SQLite format 3\x00") == "hunt_file"
     assert binary_kind(io.BytesIO(b"lat_deg,lon_deg").read()) is None
+
+
+def test_straighten_names_a_late_echo():
+    time_s = np.sort(np.concatenate([0.3 + 2.0002 * np.arange(60), 0.43 + 2.0002 * np.arange(60)]))
+    number, unknown = (time_s // 2).astype(int), np.full(120, np.nan)
+    roll = MarkRoll("line")
+    roll.add(
+        Arrivals(number, np.ones(120, int), time_s, np.full(120, 200.0), unknown, unknown, unknown), 121.0
+    )
+    interval_s, _, words = TraceMarks(Session()).straight(roll, ChartSettings(2.0, 1000), 120)
+    assert interval_s == pytest.approx(2.0002)
+    assert words == "the trace 130 ms behind is its echo, no second pinger"

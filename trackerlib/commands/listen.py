@@ -16,14 +16,19 @@ from trackerlib.live.navigation_file import BeginUnknown, NavigationFile, outsid
 from trackerlib.live.recorded_pings import followed_trace, placed_pings, utc_at
 from trackerlib.receiver.arrivals import Arrivals, joined
 from trackerlib.receiver.detectors import DETECTORS, hear
+from trackerlib.receiver.following import ping_rows
 from trackerlib.receiver.front_end import ATTENUATIONS_DB, Attenuator
+from trackerlib.receiver.intervals import separate
+from trackerlib.receiver.late_echoes import late_echoes
 from trackerlib.receiver.recording import BLOCK_S, Recording
 from trackerlib.receiver.recording_start import instant_in
 from trackerlib.receiver.report_receiver import ReceiverSettings
+from trackerlib.rounding import value_with_sigma
 from trackerlib.textfiles import InputError, read_lines, write_text
 
 SUMMARY = "find a pinger's arrivals in a recording of sound"
 GAINS = ("auto", *map(str, ATTENUATIONS_DB))
+SHORTEST_S, LONGEST_S = 0.4, 20.0  # intervals of pingers looked for, and what --interval-s asks beyond
 BAD_LINES = 5  # of a navigation file that are told one by one
 
 
@@ -226,6 +231,7 @@ def document(
         "periods_heard": len(np.unique(arrivals.period)),
         "arrivals": len(arrivals),
         "strongest": int(np.sum(arrivals.rank == 1)),
+        "trains": _trains(arrivals, settings.interval_s),
         "attenuations_db": {
             f"{db:g}": count for db, count in sorted(Counter(arrivals.attenuation_db).items())
         },
@@ -235,12 +241,34 @@ def document(
     }
 
 
+def _trains(arrivals: Arrivals, interval_s: float) -> list[dict]:
+    """Each pinger's interval and drift, the longest train first, and which trains are late echoes of another."""
+    shortest_s = min(SHORTEST_S, interval_s / 2)
+    jitter_s = min(1e-3, shortest_s / 20)
+    times = arrivals.arrival_s[ping_rows(arrivals)]
+    trains = separate(times, (shortest_s, max(LONGEST_S, 2 * interval_s)), jitter_s)
+    return [
+        {
+            "interval_s": train.interval_s,
+            "sigma_interval_s": train.sigma_interval_s,
+            "drift_ppm": train.drift_ppm,
+            "sigma_drift_ppm": train.sigma_drift_ppm,
+            "pings": len(train.rows),
+            "missed": train.missed,
+            "echo_of": None if echo is None else echo.of + 1,
+            "lag_ms": None if echo is None else 1e3 * echo.lag_s,
+        }
+        for train, echo in zip(trains, late_echoes(trains, times, jitter_s), strict=True)
+    ]
+
+
 def report(answer: dict) -> str:
     """The answer of `listen` for a person."""
     lines = ["SIMULATED DATA"] if answer["simulated"] else []
     lines += [
         answer["notes"][0],
         f"{answer['arrivals']} arrivals in {answer['periods_heard']} of {answer['periods']} periods",
+        *(_train_words(number, train) for number, train in enumerate(answer["trains"], 1)),
         f"written to {answer['out']}",
     ]
     if "pings_out" in answer:
@@ -249,6 +277,14 @@ def report(answer: dict) -> str:
             f"written to {answer['pings_out']}"
         )
     return "\n".join(lines)
+
+
+def _train_words(number: int, train: dict) -> str:
+    interval = value_with_sigma(1e3 * train["interval_s"], 1e3 * train["sigma_interval_s"], "ms")
+    words = f"train {number}: {train['pings']} pings, {train['missed']} missed, every {interval} as heard"
+    if train["echo_of"] is None:
+        return words
+    return f"{words}; echo of train {train['echo_of']}, {train['lag_ms']:.0f} ms behind"
 
 
 def _settings(args: argparse.Namespace) -> ReceiverSettings:
