@@ -97,6 +97,8 @@ class Inputs:
                 raise InputError(f"{error}; fill in Recording began (UTC)") from None
 
         def done(navigation):
+            if self._sounds[RECORDING] is not sound:
+                return  # another was opened meanwhile, and reads them for itself
             sound.fixes, sound.began_s = navigation.fixes, began_s
             sound.simulated |= navigation.simulated
             roll = self._rolls.get(RECORDING)

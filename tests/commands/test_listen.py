@@ -1,7 +1,9 @@
 """`listen`: recordings to arrivals, and calls that are no use."""
 
 import csv
+import errno
 import json
+import os
 
 import numpy as np
 import pytest
@@ -185,3 +187,16 @@ def test_a_late_echo_is_no_second_pinger(call, tmp_path):
     assert echo["lag_ms"] == pytest.approx(130, abs=1)
     assert trains[echo["echo_of"] - 1]["interval_s"] == pytest.approx(2.0, abs=1e-5)
     assert "ms behind" in call(path)[2]
+
+
+def test_a_disk_that_fills_leaves_no_half_file(call, recording, tmp_path, monkeypatch):
+    def half(path, content):
+        with path.open("wb") as file:
+            file.write(content[: len(content) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", half)
+    code, rows, _, err = call(recording)
+    assert (code, rows) == (2, None)
+    assert "No space left on device" in err
+    assert [path.name for path in tmp_path.iterdir()] == [recording.name]

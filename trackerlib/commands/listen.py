@@ -95,11 +95,12 @@ def run(args: argparse.Namespace) -> dict:
     for note in notes[1:]:
         print(f"{args.recording.name}: {note}", file=sys.stderr)
     ship = None if navigation is None else ship_at_receptions(navigation.fixes, arrivals.arrival_s)
-    write_text(args.out, csv_text(arrivals, settings.interval_s, recording.simulated, ship))
+    simulated = recording.simulated or (navigation is not None and navigation.simulated)
+    write_text(args.out, csv_text(arrivals, settings.interval_s, simulated, ship))
     answer = document(args, settings, recording, arrivals, notes)
     if navigation is None:
         return answer
-    return answer | _placed(args, settings, recording, arrivals, navigation, ship, began_s)
+    return answer | _placed(args, settings, recording, arrivals, navigation, ship, began_s, simulated)
 
 
 def csv_text(
@@ -181,7 +182,7 @@ def _navigation(args: argparse.Namespace, recording: Recording) -> tuple[Navigat
     return navigation, began_s
 
 
-def _placed(args, settings, recording, arrivals, navigation, ship, began_s) -> dict:
+def _placed(args, settings, recording, arrivals, navigation, ship, began_s, simulated) -> dict:
     """Writes the pings that have a position; what `listen` answers of them."""
     path = args.pings or args.out.with_name(f"{args.out.stem}_pings.csv")
     trace = followed_trace(arrivals, settings.interval_s)
@@ -191,7 +192,7 @@ def _placed(args, settings, recording, arrivals, navigation, ship, began_s) -> d
         navigation.fixes,
         began_s=began_s,
         source=args.recording.name,
-        simulated=recording.simulated or navigation.simulated,
+        simulated=simulated,
     )
     outside = outside_words(navigation.fixes, recording.seconds)
     for words in [outside] if outside else []:
@@ -201,6 +202,7 @@ def _placed(args, settings, recording, arrivals, navigation, ship, began_s) -> d
             print(f"{count} {what} refused: {why}", file=sys.stderr)
     write_text(path, pings_text(pings))
     return {
+        "simulated": simulated,
         "navigation": str(args.navigation),
         "began": None if began_s is None else f"{utc_at(began_s, 0)}Z",
         "positions": len(navigation.fixes.time_s),
