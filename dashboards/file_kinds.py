@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from trackerlib.live.navigation_file import SENTENCE
 from trackerlib.rangefiles.velocity_file import SPEED_LIMITS
 
 
@@ -18,6 +19,8 @@ def kind_of(lines: list[str]) -> str:
         return "profile"
     if "oneway_s" in head or "msec." in head or "gps time" in head:
         return "survey"
+    if "lat_deg" in head or any(SENTENCE.search(line) for line in lines):
+        return "navigation"
     rows = [line.replace(",", " ").split() for line in lines[1:8] if not line.startswith("#")]
     if rows and all(len(row) == 7 and row[0].isdigit() and "." in row[5] and "." in row[6] for row in rows):
         return "crossover"

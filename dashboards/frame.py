@@ -381,7 +381,8 @@ class Workbench:
             f"Drop files here or choose them; at most {UPLOAD_LIMIT_MB} MB each. They stay on this machine.\n\n"
             "Survey logs (SIO, WHOI), pings (`lat_deg, lon_deg, oneway_s`) or a profile (`depth_m, speed_mps`) as CSV, "
             "T-files, array tables, VELOCITY.DAT, crossover files, OFFSETS.csv, logs of edited points, session files; "
-            "recordings (WAV, RF64, FLAC) and stored receiver sessions for the chart."
+            "recordings (WAV, RF64, FLAC), a ship's positions (NMEA 0183, or `utc, lat_deg, lon_deg` as CSV), and "
+            "stored receiver sessions for the chart."
         )
         return pmui.Dialog(words, dropper, title="Open", width_option="sm", show_close_button=True)
 

@@ -97,6 +97,9 @@ class Session(param.Parameterized):
     chart_marks = param.ClassSelector(class_=tuple, default=(), doc="(line, folded time) marked on a trace")
     recording = param.ClassSelector(class_=SoundFile, allow_None=True, doc="sound opened for the chart")
     hunt_file = param.ClassSelector(class_=SoundFile, allow_None=True, doc="stored session of a receiver")
+    navigation_file = param.ClassSelector(
+        class_=SoundFile, allow_None=True, doc="positions beside a recording"
+    )
     pointed = param.ClassSelector(class_=tuple, allow_None=True, doc="(lat, lon) of the line pointed at")
 
     # Pings one at a time: of a replay, or as they come from a line
@@ -197,8 +200,13 @@ class Session(param.Parameterized):
             "crossover": self._open_crossover,
             "offsets": self._open_offsets,
             "edits": self._open_edits,
+            "navigation": self._open_navigation,
         }
         openers[kind_of(decode_lines(content[:HEAD_BYTES], name))](content, name)
+
+    def _open_navigation(self, content, name) -> None:
+        self.say(f"{name}: the ship's positions, for the tab Wet-paper chart")
+        self.navigation_file = SoundFile(name, self._kept(name, content))
 
     def _kept(self, name: str, content: bytes) -> Path:
         """The upload as a file in a folder that goes with the session."""

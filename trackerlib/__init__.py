@@ -10,7 +10,7 @@ Rooms, and who may lean on whom (left to right only):
     rangefiles, surveyfiles  files in and out, of whatever type they build
     live                     what comes in over wires while it happens: lines, raw logs, the SAIL host, session files
     exports                  a fix as files of plotters, globes, spreadsheets, archives
-    simulation               the same types with known truth; reads no files, writes a study's
+    simulation               the same types with known truth; reads no files, writes a study's and a hunt's
     commands                 the shell's way in: one command, one file
 
 `dashboards` leans on all of this and nothing here leans on `dashboards`.

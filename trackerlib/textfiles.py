@@ -6,6 +6,7 @@ Every reader of this package goes through `read_lines`, and says what it could n
 
 from __future__ import annotations
 
+import contextlib
 import mmap
 import os
 from collections.abc import Callable
@@ -95,8 +96,13 @@ def write_bytes(path: str | Path, content: bytes) -> None:
     """Writes a file whole or not at all."""
     path = Path(path)
     part = path.with_name(path.name + ".part")
-    part.write_bytes(content)
-    os.replace(part, path)
+    try:
+        part.write_bytes(content)
+        os.replace(part, path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            part.unlink()
+        raise
 
 
 def _refuse_binary(content: bytes, name: str) -> None:

@@ -60,6 +60,7 @@ class ChartTab(Inputs, TraceActions, Tab):
     title = "Wet-paper chart"
     watches = (
         "pings", "heard", "fix", "playing", "fold_s", "chart_marks", "bearing_lines", "truth", "recording", "hunt_file",
+        "navigation_file",
     )  # fmt: skip
 
     def __init__(self, session=None, **params):
@@ -81,7 +82,8 @@ class ChartTab(Inputs, TraceActions, Tab):
         self._accepted: dict[str, tuple[np.ndarray, np.ndarray]] = {}  # pings' numbers and times of arrival
         self._hearing = 0  # counts what is heard, so that what is old stops
         self._clock_s, self._running = math.inf, False  # of a replay of sound
-        self._opened_files: tuple = (None, None)
+        self._taken: dict[str, object] = {}  # files that File, Open… has put into the session
+        self._navigation: tuple[Path, str] | None = None  # positions for the recording, and their name
         self._quiet = False
         self._strip_pane = drawn(self.strip.figure, sizing_mode="stretch_height", width=230)
         self._strip_pane.visible = False  # a survey log has nothing to show there
@@ -125,6 +127,7 @@ class ChartTab(Inputs, TraceActions, Tab):
         clicks = {
             c.play: self.play_or_pause, c.at_once: self._to_the_end, c.clear: self._clear,
             c.open_path: lambda: self._open_recording(Path(c.path.value.strip()).expanduser()),
+            c.open_navigation: lambda: self._open_navigation(Path(c.navigation.value.strip()).expanduser()),
             c.open_stored: lambda: self._open_stored(Path(c.stored.value.strip()).expanduser()),
             c.simulate: self._simulate, c.connect: self._connect, c.emulate: self._emulate,
             c.shorter: lambda: self._nudge(-NUDGE_S), c.longer: lambda: self._nudge(NUDGE_S),
@@ -141,6 +144,7 @@ class ChartTab(Inputs, TraceActions, Tab):
             self._change_threshold: (c.threshold,),
             self._change_attenuator: (c.attenuator,),
             self._change_baud: (c.baud,),
+            self._place_recording: (c.began,),
             self._look: (c.look, c.contrast),
             self._keep_lines: (c.history,),
         }
@@ -173,8 +177,7 @@ class ChartTab(Inputs, TraceActions, Tab):
 
     def refresh(self, changed):
         session = self.session
-        if (session.recording, session.hunt_file) != self._opened_files:
-            self._take_files()
+        self._take_files()
         if session.fold_s != self.settings.interval_s:
             self._quiet = True
             self.controls_.interval.value = session.fold_s
@@ -191,17 +194,6 @@ class ChartTab(Inputs, TraceActions, Tab):
         if changed & {"fix", "truth", "bearing_lines", "pings"}:
             self.map.show(session.fix, session.truth, session.bearing_lines)
         self._tell()
-
-    def _take_files(self) -> None:
-        """What File, Open… has put into the session."""
-        session, before = self.session, self._opened_files
-        self._opened_files = (session.recording, session.hunt_file)
-        for file, known, take in (
-            (session.recording, before[0], self._open_recording),
-            (session.hunt_file, before[1], self._open_stored),
-        ):
-            if file is not None and file is not known:
-                self._try(lambda take=take, file=file: take(file.path, file.name))
 
     def _show_survey(self) -> None:
         pings, roll = self.session.pings, self.roll
@@ -305,7 +297,7 @@ class ChartTab(Inputs, TraceActions, Tab):
         text = EMPTY[self.kind]
         if roll is not None:
             text = paper_words(roll, self.settings, self.paper.count, self.strip.missed, self.threshold)
-            notes = self.sound.notes[1:] if self.sound is not None else []
+            notes = self.sound.notes[1:] + self.sound.position_notes if self.sound is not None else []
             if isinstance(roll, PingRoll):
                 notes = [LOG_HOLDS_TIMES]
             text += "".join(
@@ -332,7 +324,8 @@ class ChartTab(Inputs, TraceActions, Tab):
             utc = roll.pings.utc[row]
             return f"at ping {roll.pings.number[row]}" if np.isnat(utc) else f"at {str(utc)[:19]}Z"
         seconds = float(roll.time_of(self.settings, found.closest_emission, 0.0))
-        utc = self.live.utc_of(seconds) if self.kind == RECEIVER else None
+        clock = self.live if self.kind == RECEIVER else self.sound
+        utc = None if clock is None else clock.utc_of(seconds)
         return f"{seconds:.0f} s into the sound" if utc is None else f"at {str(utc)[:19]}Z"
 
     # -- what goes on by itself ----------------------------------------------------------------
@@ -397,10 +390,11 @@ class ChartTab(Inputs, TraceActions, Tab):
     def _straighten(self) -> None:
         if self.roll is None:
             raise InputError("there is no trace yet")
-        interval_s, sigma_s = self.marks.straight(self.roll, self.settings, self.threshold)
+        interval_s, sigma_s, echo = self.marks.straight(self.roll, self.settings, self.threshold)
         self.controls_.interval.value = round(interval_s, 7)
         self.session.say(
-            f"The trace stands upright at {1e3 * interval_s:.4f} ± {1e3 * sigma_s:.2g} ms; Undo goes back"
+            f"The trace stands upright at {1e3 * interval_s:.4f} ± {1e3 * sigma_s:.2g} ms; "
+            f"{echo + '; ' if echo else ''}Undo goes back"
         )
 
     def _change_threshold(self) -> None:

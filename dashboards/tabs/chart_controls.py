@@ -57,6 +57,14 @@ class ChartControls:
         self.source.margin = (10, 8, 5, 8)
         tip = "WAV, RF64 or FLAC on this machine, of any length; files up to 200 MB also by File, Open…"
         self.path, self.open_path = _path("Recording on this machine", tip), _button("Open and hear")
+        tip = "NMEA 0183 log, or CSV with utc, lat_deg, lon_deg (or time_s from the recording's start)"
+        self.navigation, self.open_navigation = (
+            _path("Ship's positions beside it", tip),
+            _button("Open positions"),
+        )
+        self.began = _path(
+            "Recording began (UTC)", "2024-05-01T12:34:56.5; empty: as its head or its name tells"
+        )
         self.seed = number("Seed", 1, "Of noise, pings not sent and GPS errors of the simulated hunt")
         self.sea_state = choice("Sea state", {f"{state:g}": state for state in SEA_STATES}, 3.0)
         self.simulate = _button("Simulate and hear", variant="contained")
@@ -68,7 +76,9 @@ class ChartControls:
         )  # fmt: skip
         self._where = {
             SURVEY: pn.Column(margin=0),
-            RECORDING: pn.Column(self.path, self.open_path, margin=0),
+            RECORDING: pn.Column(
+                self.path, self.open_path, self.navigation, self.began, self.open_navigation, margin=0
+            ),
             SIMULATION: pn.Column(
                 pn.Row(self.seed, self.sea_state, margin=0),
                 self.simulate,

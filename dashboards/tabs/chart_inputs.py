@@ -10,13 +10,28 @@ import numpy as np
 from dashboards.jobs import Cancelled
 from dashboards.tabs.chart_controls import RECEIVER, RECORDING, SIMULATION, STORED, SURVEY
 from dashboards.tabs.chart_sources import RecordedSound, SimulatedHuntSound, stored_hunt
-from trackerlib.textfiles import InputError
+from dashboards.tabs.chart_words import position_notes
+from trackerlib.live.navigation_file import BeginUnknown, read_navigation_file
+from trackerlib.receiver.recording_start import instant_in
+from trackerlib.textfiles import InputError, decode_lines, read_bytes
 
 EMULATOR_RATE = 20.0  # of an emulator started here, unless told
 
 
 class Inputs:
     """The part of the tab that turns a person's choice of a source into a roll of paper."""
+
+    def _take_files(self) -> None:
+        """What File, Open… has put into the session since the last look."""
+        for name, take in (
+            ("recording", self._open_recording),
+            ("hunt_file", self._open_stored),
+            ("navigation_file", self._open_navigation),
+        ):
+            file = getattr(self.session, name)
+            if file is not None and file is not self._taken.get(name):
+                self._taken[name] = file
+                self._try(lambda take=take, file=file: take(file.path, file.name))
 
     # -- sources -------------------------------------------------------------------------------
 
@@ -53,6 +68,48 @@ class Inputs:
         self._sounds[RECORDING] = sound
         self._show_as(RECORDING)
         self._hear_again()
+        if self._navigation is not None:
+            self._place_recording()
+
+    def _open_navigation(self, path: Path, name: str | None = None) -> None:
+        if str(path) in ("", "."):
+            raise InputError("name a file of the ship's positions on this machine, or use File, Open…")
+        self._navigation = (path, name or path.name)
+        if RECORDING in self._sounds:
+            self._place_recording()
+        else:
+            self.session.say(f"{self._navigation[1]}: positions, which wait for the recording beside them")
+
+    def _place_recording(self) -> None:
+        """Reads the positions beside the recording, off the event loop, and lays them under its paper."""
+        if self._navigation is None or RECORDING not in self._sounds:
+            return
+        (path, name), sound = self._navigation, self._sounds[RECORDING]
+        told = self.controls_.began.value.strip()
+        began_s = instant_in(told) if told else sound.head_began_s
+        if told and began_s is None:
+            raise InputError(f"Recording began is {told!r}; wanted UTC such as 2024-05-01T12:34:56.5")
+
+        def work(progress):
+            try:
+                return read_navigation_file(decode_lines(read_bytes(path), name), name, began_s)
+            except BeginUnknown as error:
+                raise InputError(f"{error}; fill in Recording began (UTC)") from None
+
+        def done(navigation):
+            if self._sounds[RECORDING] is not sound:
+                return  # another was opened meanwhile, and reads them for itself
+            sound.fixes, sound.began_s = navigation.fixes, began_s
+            sound.simulated |= navigation.simulated
+            roll = self._rolls.get(RECORDING)
+            if roll is not None:
+                roll.fixes, roll.simulated = sound.fixes, sound.simulated
+            sound.position_notes = position_notes(navigation, name, roll, self.threshold)
+            if self.kind == RECORDING:
+                self._redraw()
+            self.session.say("; ".join(sound.position_notes))
+
+        self.session.jobs.start("Positions", work, done)
 
     def _simulate(self) -> None:
         c = self.controls_
@@ -92,6 +149,8 @@ class Inputs:
                 ) from None
 
         def done(heard):
+            if sound.position_notes:
+                self._place_recording()  # counts anew what has a position
             if self.roll is heard:
                 self._draw()
                 self.map.frame()
@@ -137,9 +196,11 @@ class Inputs:
     def _connect(self) -> None:
         c = self.controls_
         if self.live.receiver is not None:
-            self.live.disconnect()
-            self.session.say("Disconnected; what was heard stays")
+            lost = self.live.disconnect()
             self._tell()
+            if lost:
+                raise InputError(lost)
+            self.session.say("Disconnected; what was heard stays")
             return
         self.live.threshold, self.live.feeding = self.threshold, c.feed.value
         self.live.connect(

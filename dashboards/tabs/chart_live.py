@@ -155,16 +155,21 @@ class LiveReceiver:
         if self._simulated and self.receiver.file is not None:
             self.receiver.file.add_event(time.time(), f"{SIMULATED}: an emulated receiver")
 
-    def disconnect(self) -> None:
-        """Stops polling; what was heard stays."""
+    def disconnect(self) -> str:
+        """Stops polling; what was heard stays. What could not be kept, in words, or ""."""
+        words = ""
         if self.receiver is not None:
             self.receiver.stop()
-            if self.receiver.file is not None:
-                self.receiver.file.close()
+            file = self.receiver.file
+            if file is not None:
+                file.close()
+                if file.lost_rows:
+                    words = f"{file.path}: {file.lost_rows} rows of what was heard could not be kept"
             self.receiver = None
             if self._queue is not None:
                 self.session.stop_listening()
                 self._queue = None
+        return words
 
     def close(self) -> None:
         """Ends everything."""

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from dashboards.session import Session
 from trackerlib.receiver.chart import ChartSettings
 from trackerlib.receiver.following import ping_rows
 from trackerlib.receiver.hyperbola import Marks, Pass, fit_pass, straighten
-from trackerlib.receiver.intervals import Train, separate
+from trackerlib.receiver.intervals import separate
+from trackerlib.receiver.late_echoes import late_echoes
 from trackerlib.receiver.rolls import PingRoll, Roll
 
 SNAP_COLUMNS = 12  # of the paper: a click so near to an arrival means that arrival
@@ -84,10 +83,10 @@ class TraceMarks:
             sigma[hit] = np.where(np.isnan(told[hit]), ARRIVAL_SIGMA_S, np.maximum(told[hit], 1e-6))
         return line, time_s, sigma
 
-    def straight(self, roll: Roll, settings: ChartSettings, threshold: float) -> tuple[float, float]:
+    def straight(self, roll: Roll, settings: ChartSettings, threshold: float) -> tuple[float, float, str]:
         """Interval at which the marked trace stands upright, or without marks the strongest train; and its sigma [s].
 
-        Raises ValueError where there is no trace.
+        Last what other trains are, in words, if any is an echo. Raises ValueError where there is no trace.
         """
         if len(self.marks) >= 3:
             line, time_s, sigma = self.times(roll, settings)
@@ -97,26 +96,28 @@ class TraceMarks:
                     "a survey log's pings come at odd times; its trace bends with the range alone, fold it as you like"
                 )
             nowhere = np.zeros(len(line))
-            return straighten(Marks(line, fold_s, sigma, nowhere, nowhere, settings.interval_s))
-        train = self.train(roll, settings, threshold)
-        return train.interval_s, train.sigma_interval_s
+            return *straighten(Marks(line, fold_s, sigma, nowhere, nowhere, settings.interval_s)), ""
+        return self._train(roll, settings, threshold)
 
     @staticmethod
-    def train(roll: Roll, settings: ChartSettings, threshold: float) -> Train:
-        """The longest train about the fold interval; its rows are the roll's. Raises ValueError where there is none."""
-        rows = ping_rows(roll.arrivals, threshold)
+    def _train(roll: Roll, settings: ChartSettings, threshold: float) -> tuple[float, float, str]:
+        """Of the longest train about the fold interval that is no echo. Raises ValueError where there is none."""
+        times = roll.arrivals.arrival_s[ping_rows(roll.arrivals, threshold)]
         shortest, longest = (
             settings.interval_s * (1 + off) for off in (-STRAIGHTEN_WITHIN, STRAIGHTEN_WITHIN)
         )
-        trains = separate(
-            roll.arrivals.arrival_s[rows], (shortest, longest), min(1e-3, settings.interval_s / 20)
-        )
+        jitter_s = min(1e-3, settings.interval_s / 20)
+        trains = separate(times, (shortest, longest), jitter_s)
         if not trains:
             raise ValueError(
                 f"no train of arrivals within {100 * STRAIGHTEN_WITHIN:g} % of {settings.interval_s:g} s was found; "
                 "lower the threshold, or mark the trace"
             )
-        return replace(trains[0], rows=rows[trains[0].rows])
+        echoes = late_echoes(trains, times, jitter_s)
+        first = next(k for k, echo in enumerate(echoes) if echo is None)
+        lags = [f"{1e3 * echo.lag_s:.0f}" for echo in echoes if echo is not None and echo.of == first]
+        words = f"the trace {' and '.join(lags)} ms behind is its echo, no second pinger" if lags else ""
+        return trains[first].interval_s, trains[first].sigma_interval_s, words
 
     def fit(
         self,

@@ -10,11 +10,13 @@ import numpy as np
 
 from dashboards.jobs import Progress
 from trackerlib.live.hunt import hunt_of
+from trackerlib.live.recorded_pings import utc_at
 from trackerlib.live.session_file import read_session
 from trackerlib.receiver.detectors import hear
 from trackerlib.receiver.recording import BLOCK_S, SIMULATED, Recording
+from trackerlib.receiver.recording_start import instant_in
 from trackerlib.receiver.report_receiver import ReceiverSettings
-from trackerlib.receiver.rolls import MarkRoll, SoundRoll
+from trackerlib.receiver.rolls import NO_FIXES, MarkRoll, SoundRoll
 from trackerlib.simulation.hunt_sound import HuntSound, simulate_hunt_sound
 
 SHOW_EVERY_S = 0.2  # of progress told
@@ -33,13 +35,22 @@ class SoundSource:
 
     def __init__(self):
         self.notes: list[str] = []
+        self.position_notes: list[str] = []  # on the positions beside it
+        self.fixes = NO_FIXES
+        self.began_s: float | None = None  # its first sample, since 1970, if that is known
         self.truth: dict | None = None
 
     def new_roll(self, settings: ReceiverSettings) -> SoundRoll:
         """An empty roll for what will be heard."""
-        return SoundRoll(
+        roll = SoundRoll(
             self.name, self.simulated, settings.sample_interval_s, settings.interval_s + LATE_ARRIVALS_S
         )
+        roll.fixes = self.fixes
+        return roll
+
+    def utc_of(self, seconds: float) -> np.datetime64 | None:
+        """UTC of a time of the sound; None if it is not known."""
+        return None if self.began_s is None else utc_at(self.began_s, [seconds])[0]
 
     def blocks(self) -> Iterator[np.ndarray]:
         """Its samples in blocks of BLOCK_S, from the first."""
@@ -82,6 +93,8 @@ class RecordedSound(SoundSource):
         with Recording(path, channel) as recording:
             self.rate_hz, self.simulated = recording.rate_hz, recording.simulated
             self.seconds = recording.promised / recording.rate_hz
+            self.head_began_s = recording.began[0] if recording.began else instant_in(Path(self.name).stem)
+        self.began_s = self.head_began_s
 
     def blocks(self):
         with Recording(self.path, self.channel) as recording:
@@ -99,12 +112,7 @@ class SimulatedHuntSound(SoundSource):
         super().__init__()
         self.hunt: HuntSound = simulate_hunt_sound(seed, sea_state=sea_state, **options)
         self.name, self.rate_hz, self.seconds = self.hunt.name, self.hunt.rate_hz, self.hunt.seconds
-        self.truth = self.hunt.truth
-
-    def new_roll(self, settings):
-        roll = super().new_roll(settings)
-        roll.fixes = self.hunt.fixes
-        return roll
+        self.truth, self.fixes = self.hunt.truth, self.hunt.fixes
 
     def blocks(self):
         sound, count = self.hunt.open(), round(self.seconds * self.rate_hz)

@@ -9,8 +9,7 @@ import panel as pn
 
 from dashboards.tabs.chart_controls import RECEIVER, SIMULATION
 from dashboards.tabs.chart_sources import SimulatedHuntSound
-from trackerlib.beacon.pings import Pings
-from trackerlib.receiver.following import PingFollower
+from trackerlib.live.recorded_pings import Trace, followed_trace, placed_pings
 from trackerlib.receiver.hyperbola import Marks
 from trackerlib.receiver.rolls import PingRoll
 from trackerlib.textfiles import InputError
@@ -80,40 +79,42 @@ class TraceActions:
             raise InputError(
                 "a connected receiver's pings go to the beacon fix as they come; disconnect first"
             )
-        settings, interval_s = self._known_settings(), self.settings.interval_s
-        if self.marks.marks:
-            line, time_s, sigma = self.marks.times(self.roll, self.settings)
-            fold_s, nowhere = time_s - self.roll.time_of(self.settings, line, 0.0), np.zeros(len(line))
-            travel_s = Marks(line, fold_s, sigma, nowhere, nowhere, interval_s).unfolded_s()
-            emission = line
-        else:
-            followed = PingFollower(interval_s, self.threshold).feed(self.roll.arrivals)
-            if not followed:
-                raise InputError(
-                    f"no pings at about {interval_s:g} s can be followed through these arrivals; straighten the "
-                    "interval, change the threshold, or mark the trace"
-                )
-            emission = np.array([ping.emission for ping in followed])
-            time_s = np.array([ping.arrival_s for ping in followed])
-            travel_s = time_s - emission * interval_s
-        lat, lon = self.roll.ship(time_s)
-        known = np.isfinite(lat)
-        if known.sum() < 3:
-            raise InputError(
-                "where the ship was is not known for three of these arrivals, so they cannot make a fix"
-            )
-        number = emission[known] + 1
-        pings = Pings(
-            number, lat[known], lon[known], np.full(known.sum(), -settings.hydrophone_depth_m), travel_s[known],
-            np.full(known.sum(), np.datetime64("NaT", "ms")), clock_s=emission[known] * interval_s,
-            source=self.roll.source, simulated=self.roll.simulated,
+        settings = self._known_settings()
+        trace = self._marked_trace() if self.marks.marks else self._followed_trace()
+        pings, ship = placed_pings(
+            trace, self.settings.interval_s, self.roll.fixes,
+            began_s=None if self.sound is None else self.sound.began_s,
+            hydrophone_depth_m=settings.hydrophone_depth_m, source=self.roll.source, simulated=self.roll.simulated,
         )  # fmt: skip
-        self._accepted[self.kind] = (number, time_s[known])
+        refused = "".join(f"; {count} refused: {why}" for why, count in ship.refused)
+        if len(pings) < 3:
+            raise InputError(
+                f"where the ship was is not known for three of these arrivals, so they cannot make a fix{refused}"
+            )
+        self._accepted[self.kind] = (pings.number, ship.time_s[ship.accepted])
         with pn.io.hold():
             if settings is not self.session.fix_settings:
                 self.session.fix_settings = settings
             self.session.take_pings(
                 pings,
-                f"{len(pings)} arrivals of {self.roll.source} are the pings of the tab Beacon fix",
+                f"{len(pings)} arrivals of {self.roll.source} are the pings of the tab Beacon fix{refused}",
                 self.sound.truth if self.sound is not None else None,
             )
+
+    def _marked_trace(self) -> Trace:
+        """The arrivals marked, unfolded."""
+        interval_s = self.settings.interval_s
+        line, time_s, sigma = self.marks.times(self.roll, self.settings)
+        fold_s, nowhere = time_s - self.roll.time_of(self.settings, line, 0.0), np.zeros(len(line))
+        return Trace(line, time_s, Marks(line, fold_s, sigma, nowhere, nowhere, interval_s).unfolded_s())
+
+    def _followed_trace(self) -> Trace:
+        """The pinger followed through all arrivals."""
+        interval_s = self.settings.interval_s
+        trace = followed_trace(self.roll.arrivals, interval_s, self.threshold)
+        if not len(trace.emission):
+            raise InputError(
+                f"no pings at about {interval_s:g} s can be followed through these arrivals; straighten the "
+                "interval, change the threshold, or mark the trace"
+            )
+        return trace

@@ -8,7 +8,9 @@ import numpy as np
 
 from dashboards.pictures.bearing_layer import distance_text
 from trackerlib.beacon.bearing_lines import BearingFix
+from trackerlib.beacon.navigation import ship_at_receptions
 from trackerlib.frames import degrees_minutes
+from trackerlib.live.navigation_file import NavigationFile, outside_words
 from trackerlib.live.receiver_session import SessionStatus
 from trackerlib.receiver.chart import ChartSettings
 from trackerlib.receiver.hyperbola import Pass
@@ -33,6 +35,28 @@ def paper_words(roll: Roll, settings: ChartSettings, shown: int, missed: int, th
     text = f"<b>{shown} lines</b> of {name}{kind}, {what}"
     loud = int(np.sum(roll.arrivals.level >= threshold))
     return f"{text} {loud} arrivals above the threshold; {missed} of the lines kept have none."
+
+
+def position_notes(navigation: NavigationFile, name: str, roll: Roll | None, threshold: float) -> list[str]:
+    """What the positions beside a recording are worth: how many, at how many arrivals, and what was refused."""
+    fixes = navigation.fixes
+    simulated = "SIMULATED " if navigation.simulated else ""
+    notes = [f"{name}: {len(fixes.time_s)} {simulated}positions ({navigation.layout})"]
+    if navigation.bad_records:
+        first = navigation.bad_records[0]
+        notes.append(
+            f"{len(navigation.bad_records)} lines gave none, the first is line {first.line}: {first.why}"
+        )
+    if roll is None:
+        return notes
+    outside = outside_words(fixes, roll.until_s)
+    if outside:
+        return [*notes, outside]
+    loud = roll.arrivals.arrival_s[roll.arrivals.level >= threshold]
+    ship = ship_at_receptions(fixes, loud)
+    notes.append(f"{int(ship.accepted.sum())} of {len(loud)} arrivals above the threshold have a position")
+    notes += [f"{count} arrivals refused: {why}" for why, count in ship.refused]
+    return notes + [f"{count} positions refused: {why}" for why, count in ship.fixes_refused]
 
 
 def receiver_words(status: SessionStatus | None, pings: int, unplaced: int, kept: str) -> str:

@@ -1,7 +1,9 @@
 """`listen`: recordings to arrivals, and calls that are no use."""
 
 import csv
+import errno
 import json
+import os
 
 import numpy as np
 import pytest
@@ -10,8 +12,12 @@ from sounds import DENSITY_V, pulses_at
 
 from trackerlib.commands import main
 from trackerlib.receiver.report_receiver import FULL_SCALE_V
-from trackerlib.simulation.sound import SimulatedSound, write_sound
+from trackerlib.simulation.hunt_files import write_hunt
+from trackerlib.simulation.hunt_sound import simulate_hunt_sound
+from trackerlib.simulation.sound import SimulatedSound, joined_pulses, write_sound
+from trackerlib.surveyfiles.survey import read_survey
 
+BEGAN_S = 1_714_521_600.25  # 2024-05-01 00:00:00.25 UTC
 TRUE_S = 0.3137 + 2.00004 * np.arange(10)
 
 
@@ -108,3 +114,89 @@ def test_silence_is_refused_and_an_older_file_is_kept(call, recording, tmp_path)
     assert code == 2
     assert "found silence" in err
     assert after == before
+
+
+@pytest.fixture(scope="module")
+def hunt(tmp_path_factory):
+    """The first 80 s of a simulated hunt, and the log of her GPS."""
+    path = tmp_path_factory.mktemp("hunt") / "hunt.flac"
+    simulated = simulate_hunt_sound(1, rate_hz=24_000, missing=0)
+    return path, write_hunt(path, simulated, 80.0, BEGAN_S), simulated
+
+
+def test_positions_beside_a_recording_make_pings(call, hunt, tmp_path):
+    path, log, simulated = hunt
+    pings = tmp_path / "pings.csv"
+    code, rows, out, err = call(path, "--navigation", log, "--pings", pings, "--json")
+    answer = json.loads(out)
+    assert code == 0
+    assert "began 2024-05-01T00:00:00.250Z, as its head tells" in err
+    assert answer["arrivals_placed"] == len(rows) == answer["arrivals"]
+    read = read_survey(pings).pings
+    assert read.simulated
+    assert len(read) == answer["pings"] == answer["pings_followed"] >= 36
+    first = float((read.utc[0] - np.datetime64("2024-05-01T00:00:00.250")) / np.timedelta64(1, "s"))
+    lat = np.interp(first, simulated.fixes.time_s, simulated.fixes.lat_deg)
+    assert read.lat_deg[0] == pytest.approx(lat, abs=1e-5)
+    slope = np.polyfit(read.instant_s, read.travel_time_s, 1)[0]
+    assert slope * 1500 == pytest.approx(-4.2, abs=0.5)  # 5 m/s, not quite towards the beacon
+
+
+def test_positions_of_another_day_place_nothing_and_say_so(call, hunt):
+    path, log, _ = hunt
+    code, rows, out, err = call(path, "--navigation", log, "--began", "2024-05-02T00:00:00Z")
+    assert code == 0
+    assert "the nearest is 23:43:20 before its beginning" in err
+    assert f"{len(rows)} arrivals refused: older than 2 s" in err
+    assert {row["no_position"] for row in rows} == {"older than 2 s"}
+    assert "0 of " in out
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--began", "noon"], "--began is 'noon'; wanted UTC such as"),
+        (["--pings", "p.csv"], "--pings needs --navigation"),
+    ],
+)
+def test_a_beginning_or_navigation_that_is_missing(call, hunt, more, words):
+    path, log, _ = hunt
+    more = more if "--pings" in more else ["--navigation", log, *more]
+    code, rows, _, err = call(path, *more)
+    assert (code, rows) == (2, None)
+    assert words in err
+
+
+def test_a_recording_that_does_not_say_when_it_began_needs_to_be_told(call, recording, hunt):
+    code, rows, _, err = call(recording, "--navigation", hunt[1])
+    assert (code, rows) == (2, None)
+    assert "hunt.nmea: needs the time at which the recording began" in err
+    assert "--began" in err
+
+
+def test_a_late_echo_is_no_second_pinger(call, tmp_path):
+    """Loud pings every 2 s, and their echo 0.13 s behind; the fold gives both a train."""
+    path, true_s = tmp_path / "echo.flac", 0.3137 + 2.0 * np.arange(40)
+    every = joined_pulses(pulses_at(true_s, 45), pulses_at(true_s + 0.13, 42))
+    write_sound(path, SimulatedSound(every, DENSITY_V, 24_000, FULL_SCALE_V, 1), 80.0)
+    code, _, out, _ = call(path, "--json")
+    assert code == 0
+    trains = json.loads(out)["trains"]
+    assert [train["pings"] for train in trains] == [40, 40]
+    (echo,) = [train for train in trains if train["echo_of"] is not None]
+    assert echo["lag_ms"] == pytest.approx(130, abs=1)
+    assert trains[echo["echo_of"] - 1]["interval_s"] == pytest.approx(2.0, abs=1e-5)
+    assert "ms behind" in call(path)[2]
+
+
+def test_a_disk_that_fills_leaves_no_half_file(call, recording, tmp_path, monkeypatch):
+    def half(path, content):
+        with path.open("wb") as file:
+            file.write(content[: len(content) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", half)
+    code, rows, _, err = call(recording)
+    assert (code, rows) == (2, None)
+    assert "No space left on device" in err
+    assert [path.name for path in tmp_path.iterdir()] == [recording.name]

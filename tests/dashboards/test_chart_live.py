@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import time
+from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 from dashboards.session import Session
 from dashboards.tabs.chart import ChartTab
+from trackerlib.live.session_file import read_session
 
 RATE = 40.0
 
@@ -108,6 +111,28 @@ def test_a_folder_without_permission_is_told(tab, tmp_path):
     assert tab.session.failed
     assert "cannot be kept there" in tab.session.message
     assert tab.live.receiver is None
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="only Linux has a device that is always full")
+def test_a_disk_that_fills_is_said_while_the_hunt_goes_on(tab, tmp_path):
+    for day in (datetime.now(UTC), datetime.now(UTC) + timedelta(days=1)):
+        (tmp_path / f"SIMULATED-sail-{day:%Y-%m-%d}.raw").symlink_to("/dev/full")
+    connect(tab)
+    assert until(tab, lambda: "raw log" in tab.status_words.object), tab.live.status
+    tab.live.receiver.file._database.execute("PRAGMA max_page_count = 1")  # no page more than it has
+    assert until(tab, lambda: tab.live.file.name in tab.live.status.words), tab.live.status
+    heard, lines = tab.live.status.periods, tab.paper.count
+    assert until(tab, lambda: tab.live.status.periods > heard + 10 and tab.paper.count > lines + 5)
+    tab.tick(0.1)
+    words = tab.status_words.object
+    assert "Listening" in words
+    assert words.count("the disk is full") == 2
+    assert "bytes or rows could not be kept" in words
+    tab.controls_.connect.clicks += 1
+    assert "rows of what was heard could not be kept" in tab.session.message
+    assert (
+        len(read_session(tab.live.file).runs.get(1, ())) <= heard
+    )  # a whole file, of what there was room for
 
 
 def test_an_emulator_that_stops_leaves_the_page_up(tab):

@@ -138,3 +138,15 @@ def test_silence_and_no_samples_are_refused(tmp_path):
     soundfile.write(path, TONE[:0], RATE)
     with pytest.raises(InputError, match="found no samples in"):
         read(path)
+
+
+def test_a_file_that_may_not_be_read_is_told(tmp_path, monkeypatch):
+    path = tmp_path / "mine.wav"
+    soundfile.write(path, TONE, RATE)
+
+    def forbidden(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.open", forbidden)  # the tests may run as root, who may read everything
+    with pytest.raises(InputError, match=r"mine.wav: cannot be read \(Permission denied\)"):
+        Recording(path)

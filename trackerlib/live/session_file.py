@@ -96,9 +96,11 @@ class SessionFile:
         self._add("INSERT INTO event VALUES (?, ?)", (utc_s, words))
 
     def close(self) -> None:
-        """Writes what is left, once, and closes."""
+        """Writes what is left, once, and closes; what cannot be written counts as lost."""
         self._stop.set()
         self._thread.join(10)
+        self.lost_rows += len(self._waiting)
+        self._waiting.clear()
         self._database.close()
 
     def __enter__(self) -> SessionFile:

@@ -16,6 +16,7 @@ MANTISSA, EXPONENT, ULP = np.int32(0x7FFFFF), np.float32(127), np.float32(2.0**-
 BEND = np.float32(0.3466)  # of log2 between powers of two, to 0.01
 SIGNAL = 7.0  # power over the mean of noise
 TAIL = 30.0  # log likelihood below the best that no longer matters
+SERIES = 0.02  # log likelihood below which three terms are exact to 1e-7, and a difference is not
 SHARE = 0.95  # of the posterior that 1.96 sigma hold
 SPREAD = 1.959964
 OVERSHOOT = 2.5  # of the greatest log likelihood above the signal-to-noise ratio: 1 and, as the greatest, 3/2
@@ -201,15 +202,15 @@ def log_likelihood(buffer, first, phase, count, length, rotation, noise):
 def posterior_time(likelihood):
     """Mean, standard error [samples] and largest log likelihood of a pulse's begin, any begin as likely before.
 
+    likelihood : (N,) of begins up to a pulse before and after the loudest: noise may have shown it in a wrong place
     A gate that opens between two samples first shows in the later one, so sample n stands for begins in (n-1, n],
-    all alike. The standard error is a 1.96th of the half width round the mean that holds 95 % of the posterior,
-    times the greatest log likelihood over the signal-to-noise ratio it overstates: the width goes with that ratio.
+    all alike. The standard error is a 1.96th of the half width round the mean that holds 95 % of the posterior.
     """
     best = likelihood.max()
     below = np.zeros(len(likelihood) + 1)  # probability of a begin before n - 1
     moment = 0.0
     for n in range(len(likelihood)):
-        weight = np.exp(likelihood[n] - best) if likelihood[n] > best - TAIL else 0.0
+        weight = fading_weight(likelihood[n], best) if likelihood[n] > best - TAIL else 0.0
         below[n + 1] = below[n] + weight
         moment += weight * (n - 0.5)
     mean = moment / below[-1]
@@ -221,7 +222,21 @@ def posterior_time(likelihood):
             low = half
         else:
             high = half
-    return mean, high / SPREAD * best / max(best - OVERSHOOT, best / 2), best
+    return mean, high / SPREAD, best
+
+
+@compiled
+def fading_weight(likelihood, best):
+    """Likelihood of a begin with the pulse's strength unknown, over exp(best); z is its greatest log likelihood.
+
+    The greatest alone, exp(z), takes luck for strength: a weak pulse would seem as well timed as its loudest noise.
+    A pulse of random phase and Rayleigh amplitude, of mean signal-to-noise ratio a, has the likelihood
+    (1 - u) exp(u z) with u = a/(1 + a). Any shrinkage u in (0, 1) is as likely as another before (Strawderman's
+    prior: a = 1, 0 dB, is the median), which makes it (exp(z) - 1 - z)/z^2.
+    """
+    if likelihood < SERIES:
+        return np.exp(-best) * (0.5 + likelihood / 6 + likelihood**2 / 24)
+    return (np.exp(likelihood - best) - (1 + likelihood) * np.exp(-best)) / likelihood**2
 
 
 @compiled

@@ -43,9 +43,10 @@ class ModernDetector:
     full_scale : amplitude of the carrier that is darkest on paper, of samples whose full scale is 1 (integers are
         scaled by their kind); span_db : what lies that much below is bare
     Raises ValueError, naming the setting, for one that makes no sense. A pulse that either end of the stream cuts is
-    not told. 1.96 sigma_s hold 93 to 97 % of arrivals of 10 to 30 dB, by simulation (10-ms pulses, 48 kHz); of weaker
-    ones, which the usual threshold rarely lets pass, 85 to 91 %. Doppler is not followed: 5 m/s costs a 10-ms pulse
-    at 10 kHz 1.6 dB and does not bias its time.
+    not told. 1.96 sigma_s hold 93 to 98 % of the arrivals within a pulse of a true one, from 0 to 30 dB, by simulation
+    (10-ms pulses, 48 kHz), if the threshold lets such pulses pass. Of those that it rarely lets pass (at 1e-6 one in
+    20 of 8 dB, one in 200 of 5 dB) the few told are the lucky ones, of which it is 80 to 90 %. Doppler is not
+    followed: 5 m/s costs a 10-ms pulse at 10 kHz 1.6 dB and does not bias its time.
     """
 
     def __init__(
@@ -156,8 +157,8 @@ class ModernDetector:
         stream, matched = self._stream, self.matched
         origin, length = matched.start_of(stream.base), matched.length
         middle = matched.start_of(cell - matched.cells + 1)
-        first = max(middle - length // 2, 0)
-        last = min(middle + length // 2 + 1, origin + stream.filled - length)
+        first = max(middle - length, 0)
+        last = min(middle + length + 1, origin + stream.filled - length)
         if last - first < 3:
             return
         likelihood = kernels.log_likelihood(

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
+from trackerlib.receiver.recording_start import recording_began
 from trackerlib.textfiles import InputError
 
 BLOCK_S = 1.0  # read at a time
@@ -35,7 +36,10 @@ class Recording:
         if not self.path.exists():
             raise InputError(f"{self.path}: no such file")
         try:
+            self.path.open("rb").close()  # libsndfile's own word for a file it may not read is "System error"
             self._file = soundfile.SoundFile(self.path)
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be read ({error.strerror})") from None
         except soundfile.LibsndfileError as error:
             raise InputError(
                 f"{self.path}: found no recording of sound ({error.error_string.strip()}); wanted WAV, RF64 or FLAC"
@@ -44,6 +48,7 @@ class Recording:
         self.channels: int = self._file.channels
         self.layout = f"{self._file.format}, {self._file.subtype}"
         self.simulated = SIMULATED in (self._file.comment, self._file.title)
+        self.began = recording_began(self.path, self._file.date)  # [s since 1970], and what tells it; or None
         self.channel = self._choose(channel)
         self.promised = self._promised()  # samples that the file's head tells of
         self.samples_read, self.loudest = 0, np.zeros(self.channels)

@@ -318,14 +318,14 @@ class GpsUnit(Unit):
         else:
             lat, lon = self.hunt.gps(second)
             place = (
-                f"{_minutes(lat, 2, self.minute_decimals)},{'S' if lat < 0 else 'N'},"
-                f"{_minutes(lon, 3, self.minute_decimals)},{'W' if lon < 0 else 'E'},1,08,1.2,000,M,00000,M"
+                f"{degrees_minutes(lat, 2, self.minute_decimals)},{'S' if lat < 0 else 'N'},"
+                f"{degrees_minutes(lon, 3, self.minute_decimals)},{'W' if lon < 0 else 'E'},1,08,1.2,000,M,00000,M"
             )
         self._say(f" {clock_time},{place}".encode("ascii") + PROMPT)
         return True
 
 
-def _minutes(angle_deg: float, digits: int, decimals: int) -> str:
+def degrees_minutes(angle_deg: float, digits: int, decimals: int) -> str:
     """An angle as degrees and decimal minutes without a separator."""
     step = 60 * 10**decimals
     whole = round(abs(angle_deg) * step)

@@ -185,11 +185,18 @@ class SimulatedSound:
         block[low - self.position : high - self.position] += self._volts * pulses.amplitude[k] * gate * wave
 
 
-def write_sound(path: str | Path, sound: SimulatedSound, seconds: float, **layout) -> None:
-    """Writes a recording that says it is SIMULATED; layout : format and subtype of soundfile, by the name if none."""
+def write_sound(
+    path: str | Path, sound: SimulatedSound, seconds: float, began_s: float | None = None, **layout
+) -> None:
+    """Writes a recording that says it is SIMULATED and when it began, if told [s since 1970].
+
+    layout : format and subtype of soundfile, by the name if none
+    """
     rate = round(sound.rate_hz)
     with soundfile.SoundFile(path, "w", rate, channels=1, **layout) as file:
         file.comment = SIMULATED
+        if began_s is not None:
+            file.date = f"{np.datetime64(round(1e3 * began_s), 'ms')}Z"
         left = round(seconds * rate)
         while left:
             count = min(left, 10 * rate)

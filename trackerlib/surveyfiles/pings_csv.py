@@ -95,11 +95,12 @@ def _reception(row: dict[str, str], decimal_comma: bool, hydrophone_depth_m: flo
         else -hydrophone_depth_m,
         travel_time_s=number("oneway_s", -1e10, 1e10, "seconds"),
         time_s=number("time_s", -1e12, 1e12, "seconds") if row.get("time_s") else math.nan,
-        utc=_utc(next((row[column] for column in TIMES if row.get(column)), "")),
+        utc=utc_of(next((row[column] for column in TIMES if row.get(column)), "")),
     )
 
 
-def _utc(text: str) -> np.datetime64:
+def utc_of(text: str) -> np.datetime64:
+    """UTC of ISO 8601, NaT for an empty cell. Raises ValueError with what was found and wanted."""
     if not text:
         return np.datetime64("NaT", "ms")
     try:

@@ -1,7 +1,8 @@
 """Streams of a hunt as CSV: arrivals of a pinger, and fixes of the ship's GPS, both by one clock.
 
-Arrivals: `arrival_s` and optionally `ping`. Fixes: `time_s, lat_deg, lon_deg` and optionally `hdop, heading_deg`;
-a fix without a position has empty cells. Lines that begin with # are comments.
+Arrivals: `arrival_s` and optionally `ping`. Fixes: `time_s, lat_deg, lon_deg` (or `utc` for `time_s`: ISO 8601, which
+becomes seconds since 1970) and optionally `hdop, heading_deg`; a fix without a position has empty cells. Lines that
+begin with # are comments.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackerlib.beacon.navigation import NavigationFixes
+from trackerlib.surveyfiles.pings_csv import utc_of
 from trackerlib.textfiles import BadRecord, InputError
 
 ARRIVAL = ("arrival_s",)
 NAVIGATION = ("time_s", "lat_deg", "lon_deg")
+DATED = ("utc", "lat_deg", "lon_deg")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,22 +49,31 @@ def read_arrivals(lines: list[str], name: str) -> Arrivals:
 
 def read_navigation(lines: list[str], name: str) -> tuple[NavigationFixes, tuple[BadRecord, ...]]:
     """Fixes of a file, and the lines that could not be read. Raises InputError for a missing column or no fix."""
-    rows, bad = _rows(lines, name, NAVIGATION, may_lack=("lat_deg", "lon_deg"))
+    needed = DATED if tells_utc(lines) else NAVIGATION
+    rows, bad = _rows(lines, name, needed, may_lack=("lat_deg", "lon_deg"))
     if not rows:
-        raise InputError(f"{name}: found no usable fix, wanted at least two")
+        first = f"; line {bad[0].line}: {bad[0].why}" if bad else ""
+        raise InputError(f"{name}: found no usable fix, wanted at least two{first}")
 
     def column(key: str) -> np.ndarray:
         return np.array([row.get(key, math.nan) for row in rows])
 
     heading = column("heading_deg")
     fixes = NavigationFixes(
-        column("time_s"),
+        column(needed[0]),
         column("lat_deg"),
         column("lon_deg"),
         column("hdop"),
         np.radians(heading) if np.isfinite(heading).any() else None,
     )
     return fixes, bad
+
+
+def tells_utc(lines: list[str]) -> bool:
+    """Whether a file of fixes tells UTC instead of seconds: its header has `utc` and no `time_s`."""
+    header = next((line for line in lines if line.strip() and not line.lstrip().startswith("#")), "")
+    columns = [column.strip().lower() for column in header.split(",")]
+    return "utc" in columns and "time_s" not in columns
 
 
 def says_simulated(lines: list[str]) -> bool:
@@ -100,6 +112,10 @@ def _rows(lines, name, needed, may_lack=()) -> tuple[list[dict[str, float]], tup
 
 
 def _number(column: str, cell: str, needed: bool) -> float:
+    if column == "utc" and needed:
+        if not cell:
+            raise ValueError("utc is empty; wanted ISO 8601, such as 2018-04-26T05:10:33Z")
+        return float(utc_of(cell).astype("datetime64[us]").astype(float)) * 1e-6
     try:
         value = float(cell)
     except ValueError:
