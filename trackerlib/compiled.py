@@ -71,7 +71,7 @@ KERNEL_MODULES: tuple[str, ...] = (
     "trackerlib.beacon.uncertainty",
     "trackerlib.beacon.squared_range",
     "trackerlib.beacon.pairs",
-    "trackerlib.beacon.live",
+    "trackerlib.beacon.live_sums",
     "trackerlib.timing.variance_components",
     "trackerlib.timing.correlated_noise",
     "trackerlib.receiver.report_receiver",
