@@ -5,7 +5,8 @@ JSON or TOML, told by the file's name; paths are relative to it:
     {"name": "June", "arrays": "arrays.csv", "profiles": {"1": "VELOCITY1.DAT", "2": "VELOCITY2.DAT"},
      "runs": [{"day": "1", "run": "1", "tfile": "run1.dat", "mode": 7, "vehicle": "MK 30"}, ...]}
 
-A run may name its own `arrays`, `profile` and `header_records`; the profile of its day serves otherwise.
+A run may name its own `arrays`, `profile` and `header_records`; the profile of its day serves otherwise. Whether
+the files are there is seen when a run is taken: one that cannot be read does not stop the others.
 """
 
 from __future__ import annotations
@@ -34,6 +35,10 @@ class CampaignRun:
     vehicle: str = ""
     header_records: int = HEADER_RECORDS
 
+    def __str__(self) -> str:
+        vehicle = f"{self.vehicle} (mode {self.mode})" if self.vehicle else f"mode {self.mode}"
+        return f"day {self.day}, run {self.run}, {vehicle}"
+
 
 @dataclass(frozen=True)
 class Campaign:
@@ -55,7 +60,7 @@ class Campaign:
 
 
 def read_campaign(path: str | Path) -> Campaign:
-    """The campaign of a file. Raises InputError with the key where it is not as wanted, or a file is missing."""
+    """The campaign of a file. Raises InputError with the key where it is not as wanted."""
     path = Path(path)
     text = "\n".join(decode_lines(read_bytes(path), path.name))
     try:
@@ -133,7 +138,4 @@ def _file(name, campaign: Path, where: str) -> Path:
         raise InputError(
             f"{where}: found {name!r}, wanted the name of a file, here or for the whole campaign"
         )
-    file = campaign.parent / name
-    if not file.is_file():
-        raise InputError(f"{where}: {file}: no such file")
-    return file
+    return campaign.parent / name
