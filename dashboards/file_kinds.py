@@ -7,10 +7,12 @@ from trackerlib.rangefiles.velocity_file import SPEED_LIMITS
 
 
 def kind_of(lines: list[str]) -> str:
-    """Which kind of file begins with these lines: a key of the openers in `Session.open_file`."""
+    """Which kind of file begins with these lines: a key of the openers in `Opening`."""
     head = "\n".join(lines[:40]).lower()
     if "workbench_session" in head:
         return "session"
+    if "[[runs]]" in lines or ("{" in lines[0] and any('"tfile"' in line for line in lines)):
+        return "campaign"
     if "offset_ms" in head:
         return "offsets"
     if "first_array" in head and "point_count" in head:

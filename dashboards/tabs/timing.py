@@ -294,7 +294,7 @@ class TimingTab(Tab):
         if session.fits:
             pairs = zip(session.gating.sets, session.fits, strict=True)
             answers = [document(one.source, one, fit) for one, fit in pairs if fit is not None]
-        return "offsets.csv", label + offsets_csv(answers, "1", f"mode {session.gating.mode}")
+        return "offsets.csv", label + offsets_csv(answers, *session.day_and_run)
 
 
 def _slider(label: str, limit: float, step: float, digits: str):
