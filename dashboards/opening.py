@@ -162,11 +162,11 @@ class Opening:
         def done(tfile: TFileReading) -> None:
             session = self._session
             session.tfile_content = content
-            profile = tfile.profile() or session.profile
+            own = tfile.profile()
             session.param.update(
-                tfile=tfile, profile=profile, keep_lines=(), campaign=None, campaign_run=None
+                tfile=tfile, profile=own or session.profile, keep_lines=(), campaign=None, campaign_run=None
             )
-            self._told_reports(tfile, name)
+            self._told_reports(tfile, name, () if own is None else own.notes)
             session.gate()
 
         self._read_tfile(content, name, None, done)

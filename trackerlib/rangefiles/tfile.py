@@ -23,6 +23,8 @@ from trackerlib.textfiles import BadRecord, InputError, decode_lines, map_bytes
 HEADER_RECORDS = 31
 MAX_HEADER_RECORDS = 1000  # how far a header is looked for
 _HEAD_BYTES = 65_536
+# A record whose columns are shifted is a bad record, not a line of the header.
+NEARLY_RECORD = re.compile(r"\s*\d{1,5}(\s+-?\d{1,6}\.\d){3}\s")
 _CHUNK = 200_000  # lines judged at a time, to bound the memory of a file of millions that are odd
 _BLANK, _POINT, _PLUS, _MINUS, _ZERO, _END_OF_FILE = (ord(c) for c in " .+-0\x1a")
 
@@ -83,7 +85,7 @@ def read_tfile(
 ) -> TFileReading:
     """Reports of a T-file; records that cannot be read are kept apart with their line numbers.
 
-    header_records : how many lines to skip; None takes all before the first that is a position record
+    header_records : how many lines to skip; None takes all before the first that is, or was meant for, a record
     mode : keep only reports of that mode without an edit mark; the others are checked and counted
     Warns of a header count that cuts data off or leaves header in. Raises InputError if the file cannot be
     read, is shorter than its header, or holds no record.
@@ -123,7 +125,8 @@ def _read_plain(content, name, header_records, mode, foreign=False) -> TFileRead
     """The reading of a text of Unix lines in ASCII; None if it is none, unless the caller made it `foreign`."""
     if header_records is None:
         lines = content[:_HEAD_BYTES].decode("latin-1").split("\n", MAX_HEADER_RECORDS)[:MAX_HEADER_RECORDS]
-        header_records = next((n for n, line in enumerate(lines) if _is_record(line)), 0)
+        ends = (n for n, line in enumerate(lines) if _is_record(line) or NEARLY_RECORD.match(line))
+        header_records = next(ends, 0)
     if header_records < 0:
         raise InputError(f"{name}: header count is {header_records}, wanted 0 or more")
     start = _line_place(content, header_records)
