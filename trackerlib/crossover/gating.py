@@ -99,7 +99,7 @@ def gate_reports(
         repeats_left_out=len(repaired) - len(single),
         unplaced=int(ended[UNPLACED]),
     )
-    some = slice(None, None, 1 + len(vehicle) // 20_000)  # enough to tell feet from metres
+    some = slice(None, None, 1 + len(vehicle) // 4000)  # enough to tell feet from metres
     sets = tuple(pair_up(vehicle.only(single), gap_counts))
     return GatingResult(
         mode=mode,

@@ -17,7 +17,7 @@ import numpy as np
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.reports import PositionReports
 from trackerlib.rangefiles.arrays import parse_date
-from trackerlib.rangefiles.record_scan import COLUMNS, EVERY_MODE, first_lines, joined, scan_records
+from trackerlib.rangefiles.record_scan import COLUMNS, EVERY_MODE, scan_records
 from trackerlib.textfiles import BadRecord, InputError, decode_lines, map_bytes
 
 HEADER_RECORDS = 31
@@ -189,14 +189,12 @@ def _read_records(text, start, first_line, mode, foreign) -> _Records | None:
     while len(text) > start and text[-1] == _END_OF_FILE:
         text = text[:-1]
     plain = np.where(text > 127, ord("?"), text).astype(np.uint8) if foreign else text
-    scans = scan_records(plain, start, EVERY_MODE if mode is None else mode)
-    if any(scan.foreign for scan in scans):
+    scan = scan_records(plain, start, first_line, EVERY_MODE if mode is None else mode)
+    if scan is None:
         return None
-    columns = joined(scans, first_line)
-    modes = np.sum([scan.modes for scan in scans], axis=0)
-    seen = [int(scan.first_line) + n for scan, n in zip(scans, first_lines(scans, first_line), strict=True)
-            if scan.first_line >= 0]  # fmt: skip
-    line, values, flagged, bad = judge_lines(text, np.concatenate([scan.odd for scan in scans]))
+    columns, modes = scan.columns, scan.modes
+    seen = [] if scan.first_line is None else [scan.first_line]
+    line, values, flagged, bad = judge_lines(text, scan.odd)
     if len(line):
         seen.append(int(line[0]))
         modes = modes + np.bincount(values[:, 5].astype(np.int64), minlength=len(modes))
