@@ -15,7 +15,8 @@ import panel_material_ui as pmui
 
 from dashboards import guard
 from dashboards.keys import Keys
-from dashboards.session import UPLOAD_LIMIT_MB, Session
+from dashboards.open_dialog import OpenDialog, RunChoice
+from dashboards.session import Session
 from dashboards.tabs.tab import Tab
 from trackerlib import __version__
 from trackerlib.textfiles import InputError
@@ -63,7 +64,8 @@ body { overflow: hidden; }
 HELP = """
 **Open** reads a survey log (SIO, WHOI), pings or a sound-speed profile as CSV, a T-file, an array table, a
 VELOCITY.DAT, crossover files, a table of timing offsets, a log of edited points, a session file, a recording of sound
-(WAV, RF64, FLAC) or a stored receiver session; which it is, is seen from the file.
+(WAV, RF64, FLAC) or a stored receiver session; which it is, is seen from the file. A campaign file is opened by its
+path: its days, runs and vehicles then stand in the page's head, one choice for all tabs.
 
 Keys: **space** plays and pauses the replay, **Ctrl+S** saves the session, **Ctrl+Z** and **Ctrl+Shift+Z** undo
 and redo, **Ctrl+O** opens. Arrow keys nudge a number; double click on a slider's name puts its default back.
@@ -163,10 +165,11 @@ class Workbench:
             margin=0,
         )
         self._tabs.param.watch(self._show, "active")
+        self._dialog = OpenDialog(self.session)
         self._keys = Keys(
             {
                 "ctrl+s": self._save,
-                "ctrl+o": self._open,
+                "ctrl+o": self._dialog.show,
                 "ctrl+z": self.session.undo,
                 "ctrl+y": self.session.redo,
                 "ctrl+shift+z": self.session.redo,
@@ -174,7 +177,6 @@ class Workbench:
             },
             typing=("ctrl+s", "ctrl+o"),
         )
-        self._dialog = self._open_dialog()
         self._help = pmui.Dialog(
             pn.pane.Markdown(HELP + f"\n\nVersion {__version__}"),
             title=NAME,
@@ -204,12 +206,18 @@ class Workbench:
         self._join_document()
         main = pn.Column(
             pn.Row(
-                self._menu(), pn.HSpacer(), self._badge(), sizing_mode="stretch_width", margin=0, height=38
+                self._menu(),
+                RunChoice(self.session).pane,
+                pn.HSpacer(),
+                self._badge(),
+                sizing_mode="stretch_width",
+                margin=0,
+                height=38,
             ),
             self._tabs,
             self._status(),
             self._keys,
-            self._dialog,
+            self._dialog.pane,
             self._help,
             sizing_mode="stretch_both",
             margin=0,
@@ -283,7 +291,7 @@ class Workbench:
             {"label": "Help", "items": [{"label": "How to use it"}]},
         ]
         actions = {
-            "Open…": self._open,
+            "Open…": self._dialog.show,
             "Open simulated survey": self.session.open_beacon_demo,
             "Open simulated range run": self.session.open_range_demo,
             "Save session": self._save,
@@ -357,35 +365,6 @@ class Workbench:
         )
         return pn.Row(line, bar, cancel, sizing_mode="stretch_width", height=34, margin=0)
 
-    def _open_dialog(self):
-        dropper = pn.widgets.FileDropper(
-            multiple=True,
-            chunk_size=5_000_000,
-            max_file_size=f"{UPLOAD_LIMIT_MB}MB",
-            height=120,
-            sizing_mode="stretch_width",
-        )
-
-        def opened(event):
-            for name, content in (event.new or {}).items():
-                try:
-                    self.session.open_file(name, content if isinstance(content, bytes) else content.encode())
-                    self._dialog.open = False
-                except Exception as error:
-                    self.session.report(error)
-            if event.new:
-                dropper.value = {}
-
-        dropper.param.watch(opened, "value")
-        words = pn.pane.Markdown(
-            f"Drop files here or choose them; at most {UPLOAD_LIMIT_MB} MB each. They stay on this machine.\n\n"
-            "Survey logs (SIO, WHOI), pings (`lat_deg, lon_deg, oneway_s`) or a profile (`depth_m, speed_mps`) as CSV, "
-            "T-files, array tables, VELOCITY.DAT, crossover files, OFFSETS.csv, logs of edited points, session files; "
-            "recordings (WAV, RF64, FLAC), a ship's positions (NMEA 0183, or `utc, lat_deg, lon_deg` as CSV), and "
-            "stored receiver sessions for the chart."
-        )
-        return pmui.Dialog(words, dropper, title="Open", width_option="sm", show_close_button=True)
-
     # -- actions -------------------------------------------------------------------------------
 
     def _show(self, *events) -> None:
@@ -404,9 +383,6 @@ class Workbench:
             place[:] = [
                 pn.pane.Alert(f"{kind.title} cannot be drawn: {html.escape(str(error))}", alert_type="danger")
             ]
-
-    def _open(self) -> None:
-        self._dialog.open = True
 
     def _save(self) -> None:
         self._keys.save(f"workbench-{date.today().isoformat()}.json", self.session.to_json())

@@ -2,66 +2,46 @@
 
 from __future__ import annotations
 
-import json
 import logging
-import os
-import tempfile
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import param
 
-from dashboards.file_kinds import kind_of
 from dashboards.jobs import Jobs
 from dashboards.live import PingQueue
-from trackerlib import __version__
+from dashboards.opening import Opening, SoundFile
+from dashboards.session_file import session_json
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.live_survey import LiveSurvey
 from trackerlib.beacon.pings import PingLog, Pings
 from trackerlib.beacon.result import BeaconFix, blank_fix
 from trackerlib.beacon.settings import FixSettings
-from trackerlib.crossover.edits import PointEdits, edits_csv, parse_edits
-from trackerlib.crossover.gating import GatingResult, gate_reports, ready_sets
+from trackerlib.crossover.edits import PointEdits
+from trackerlib.crossover.gating import GatingResult, gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
-from trackerlib.rangefiles.arrays import parse_arrays
-from trackerlib.rangefiles.crossover_file import parse_crossover
-from trackerlib.rangefiles.offsets_file import parse_offsets
-from trackerlib.rangefiles.tfile import TFileReading, parse_tfile
-from trackerlib.rangefiles.velocity_file import parse_velocity
-from trackerlib.surveyfiles.profile_csv import SIMULATED, parse_profile_csv
-from trackerlib.surveyfiles.survey import parse_survey
-from trackerlib.textfiles import InputError, decode_lines, read_bytes
+from trackerlib.rangefiles.campaign import Campaign, CampaignRun
+from trackerlib.rangefiles.tfile import TFileReading
+from trackerlib.textfiles import InputError
 from trackerlib.timing.correction import fit_timing
 from trackerlib.timing.offsets import OffsetTable
 
 log = logging.getLogger("workbench")
 
-DATA = Path(__file__).resolve().parents[1] / "data"
-UPLOAD_LIMIT_MB = 200
-HEAD_BYTES = 65_536  # of a file, which tell what it is
-LARGE_BYTES, LARGE_REPORTS = (
-    5_000_000,
-    100_000,
-)  # from here on a T-file is read, and gated, off the event loop
+LARGE_REPORTS = 100_000  # from here on they are gated off the event loop
 SPEEDS = (1, 5, 20, 100, 1000)
 MODE_NAMES = {2: "ship", 7: "torpedo"}
-
-
-@dataclass(frozen=True)
-class SoundFile:
-    """A file too large to be held: its name for people, and where it lies."""
-
-    name: str
-    path: Path
 
 
 class Session(param.Parameterized):
     """State that tabs read, watch and write back; every value is one of trackerlib's frozen types."""
 
     # The range
+    campaign = param.ClassSelector(class_=Campaign, allow_None=True, doc="whose runs can be chosen")
+    campaign_run = param.ClassSelector(class_=CampaignRun, allow_None=True, doc="the run in sight")
     tfile = param.ClassSelector(class_=TFileReading, allow_None=True)
     survey = param.ClassSelector(class_=ArraySurvey, allow_None=True)
     profile = param.ClassSelector(class_=SoundSpeedProfile, allow_None=True, doc="of the range, feet")
@@ -123,7 +103,7 @@ class Session(param.Parameterized):
         self.tfile_content = b""  # as it was opened, for corrected copies
         self._past: list[dict] = []
         self._future: list[dict] = []
-        self._folder: tempfile.TemporaryDirectory | None = None
+        self._opening = Opening(self)
         self._clock = 0.0  # seconds of survey time since its first ping
         self._queue, self._log = PingQueue(), PingLog()
         self._live_survey: LiveSurvey | None = None
@@ -175,138 +155,54 @@ class Session(param.Parameterized):
         self._past.append(self._future.pop())
         self.param.update(**self._past[-1]["after"])
 
+    def forget_edits(self) -> None:
+        """Nothing can be undone any more: other data are open."""
+        self._past.clear()
+        self._future.clear()
+
     # -- opening -------------------------------------------------------------------------------
 
     def open_file(self, name: str, content: bytes) -> None:
         """Opens an upload of any kind the tabs know; raises InputError for what none of them reads."""
-        if len(content) > UPLOAD_LIMIT_MB * 1_000_000:
-            raise InputError(
-                f"{name}: found {len(content) / 1e6:.0f} MB; wanted at most {UPLOAD_LIMIT_MB} MB "
-                "(larger files: python -m trackerlib reads them from disk)"
-            )
-        kind = binary_kind(content)
-        if kind is not None:
-            kept = SoundFile(name, self._kept(name, content))
-            self.say(f"{name}: open in the tab Wet-paper chart")
-            self.param.update(**{kind: kept})
-            return
-        openers = {
-            "session": self._open_session,
-            "survey": self._open_survey,
-            "profile": self._open_profile,
-            "arrays": self._open_arrays,
-            "tfile": self._open_tfile,
-            "velocity": self._open_velocity,
-            "crossover": self._open_crossover,
-            "offsets": self._open_offsets,
-            "edits": self._open_edits,
-            "navigation": self._open_navigation,
-        }
-        openers[kind_of(decode_lines(content[:HEAD_BYTES], name))](content, name)
+        self._opening.upload(name, content)
 
-    def _open_navigation(self, content, name) -> None:
-        self.say(f"{name}: the ship's positions, for the tab Wet-paper chart")
-        self.navigation_file = SoundFile(name, self._kept(name, content))
+    def open_path(self, path: str) -> None:
+        """Opens a file of this machine, a campaign with all that it names; raises InputError as `open_file`."""
+        self._opening.path(path)
 
-    def _kept(self, name: str, content: bytes) -> Path:
-        """The upload as a file in a folder that goes with the session."""
-        if self._folder is None:
-            self._folder = tempfile.TemporaryDirectory(prefix="workbench-")
-        path = (
-            Path(self._folder.name) / f"{self.opened}-{len(os.listdir(self._folder.name))}{Path(name).suffix}"
-        )
-        try:
-            path.write_bytes(content)
-        except OSError as error:
-            raise InputError(f"{name}: cannot be kept while it is open ({error.strerror})") from None
-        return path
-
-    def close(self) -> None:
-        """Lets go of what the session keeps on disk."""
-        if self._folder is not None:
-            self._folder.cleanup()
+    def open_run(self, run: CampaignRun) -> None:
+        """Opens a run of the campaign; raises InputError, and keeps the last run, where its files are no use."""
+        self._opening.run(run)
 
     def open_beacon_demo(self) -> None:
         """Opens the simulated beacon survey that comes with the program."""
-        folder = DATA / "beacon-demo"
-        for name in ("soundspeed.csv", "survey.csv"):
-            self.open_file(name, read_bytes(folder / name))
-        self.truth = json.loads((folder / "truth.json").read_text())
+        self._opening.beacon_demo()
 
     def open_range_demo(self) -> None:
         """Opens the simulated range run that comes with the program."""
-        folder = DATA / "range-demo"
-        for name in ("arrays.csv", "tfile.dat"):
-            self.open_file(name, read_bytes(folder / name))
+        self._opening.range_demo()
 
-    def _open_survey(self, content, name) -> None:
-        reading = parse_survey(
-            decode_lines(content, name), name, hydrophone_depth_m=self.fix_settings.hydrophone_depth_m
-        )
-        profile = self.fix_settings.profile
-        if profile is not None and SIMULATED in profile.notes and not reading.pings.simulated:
-            profile = None  # the demo's water is not that of a real survey
-        settings = replace(self.fix_settings, profile=profile, left_out=frozenset(), start=None)
-        self._begin_hunt(fix_settings=settings, pings=reading.pings, heard=len(reading.pings), listening="")
-        self._told(name, f"{len(reading.pings)} pings ({reading.layout})", reading.bad_records, reading.notes)
+    def close(self) -> None:
+        """Lets go of what the session keeps on disk."""
+        self._opening.close()
 
-    def _open_profile(self, content, name) -> None:
-        self.fix_settings = replace(
-            self.fix_settings, profile=parse_profile_csv(decode_lines(content, name), name)
-        )
-        self._told(name, "sound-speed profile of the beacon hunt", (), ())
+    @param.depends("mode", watch=True)
+    def _follow_vehicle(self) -> None:
+        """Another vehicle of the same T-file is another run of the campaign, if the campaign has it."""
+        run = self.campaign_run
+        if run is not None and run.mode != self.mode:
+            beside = (one for one in self.campaign.runs if (one.tfile, one.mode) == (run.tfile, self.mode))
+            self.campaign_run = next(beside, replace(run, mode=self.mode, vehicle=""))
 
-    def _open_arrays(self, content, name) -> None:
-        reading = parse_arrays(content, name)
-        self.survey = reading.survey
-        self._told(name, f"{len(reading.survey.number)} arrays", reading.bad_records, reading.notes)
-        self.gate()
-
-    def _open_tfile(self, content, name) -> None:
-        def done(tfile) -> None:
-            self.tfile_content = content
-            self.param.update(tfile=tfile, profile=tfile.profile() or self.profile, keep_lines=())
-            self._told(
-                name, f"{len(tfile.reports)} position reports", tfile.reports.bad_records, tfile.warnings
-            )
-            self.gate()
-
-        def read(progress=None):
-            return parse_tfile(content, name, header_records=None)
-
-        if len(content) < LARGE_BYTES:
-            done(read())
-        else:
-            self.jobs.start(f"Opening {name}", read, done)
-
-    def _open_velocity(self, content, name) -> None:
-        reading = parse_velocity(content, name)
-        self.edit(profile=reading.profile)
-        self._told(name, f"sound speed of {len(reading.profile.depth)} layers", reading.bad_records, ())
-
-    def _open_crossover(self, content, name) -> None:
-        reading = parse_crossover(content, name, self.survey)
-        opened = self.gating.sets if self.gating is not None and self.tfile is None else ()
-        sets = (*(one for one in opened if one.source != name), reading.set)
-        self.param.update(tfile=None, gating=ready_sets(sets), correction=None, crossover=reading.set)
-        self._told(name, f"{reading.set.points} point counts", reading.bad_records, reading.notes)
-
-    def _open_offsets(self, content, name) -> None:
-        table, bad = parse_offsets(decode_lines(content, name), name)
-        self.offsets = table
-        self._told(name, f"{len(table)} timing offsets", bad, ())
-
-    def _open_edits(self, content, name) -> None:
-        edits, bad = parse_edits(decode_lines(content, name), name)
-        self.edit(edits=edits)
-        self._told(name, f"{len(edits.reasons)} points left out", bad, ())
-
-    def _told(self, name, what, bad_records, notes) -> None:
-        parts = [f"{name}: {what}"]
-        if bad_records:
-            first = bad_records[0]
-            parts.append(f"{len(bad_records)} bad lines, the first is line {first.line}: {first.why}")
-        self.say("; ".join([*parts, *notes]))
+    @property
+    def day_and_run(self) -> tuple[str, str]:
+        """How a table of offsets names the day and run in sight: as the campaign does, else by header and file."""
+        if self.campaign_run is not None:
+            return self.campaign_run.day, self.campaign_run.run
+        if self.tfile is None:
+            return "unknown", "crossover files"
+        day, name = self.tfile.run_date, Path(self.tfile.reports.source).stem
+        return "unknown" if np.isnat(day) else str(day), f"{name} mode {self.mode}"
 
     @param.depends("mode", "max_slant_range_ft", "gap_counts", "keep_lines", watch=True)
     def gate(self) -> None:
@@ -372,9 +268,9 @@ class Session(param.Parameterized):
 
         self.jobs.start("Fit every set", work, done)
 
-    def _begin_hunt(self, **state) -> None:
-        self._past.clear()
-        self._future.clear()
+    def begin_hunt(self, **state) -> None:
+        """Other pings, or none yet: what belonged to the last hunt goes."""
+        self.forget_edits()
         self.param.update(
             playing=False, truth=None, fix=None, reasons={}, bearing_lines=(), opened=self.opened + 1, **state
         )
@@ -383,7 +279,7 @@ class Session(param.Parameterized):
         """Begins a hunt with pings that another tab found."""
         settings = replace(self.fix_settings, left_out=frozenset(), start=None)
         lines = self.bearing_lines
-        self._begin_hunt(fix_settings=settings, pings=pings, heard=len(pings), listening="")
+        self.begin_hunt(fix_settings=settings, pings=pings, heard=len(pings), listening="")
         self.param.update(truth=truth, bearing_lines=lines)
         self.say(words)
 
@@ -396,7 +292,7 @@ class Session(param.Parameterized):
         """
         self._queue, self._log = PingQueue(), PingLog(source, simulated)
         settings = replace(self.fix_settings, left_out=frozenset(), start=None)
-        self._begin_hunt(fix_settings=settings, pings=None, heard=0, listening=source, live=True)
+        self.begin_hunt(fix_settings=settings, pings=None, heard=0, listening=source, live=True)
         self.say(f"Listening to {source}")
         return self._queue
 
@@ -486,67 +382,9 @@ class Session(param.Parameterized):
         if self.heard >= len(self.pings):
             self.playing = False
 
-    # -- saving --------------------------------------------------------------------------------
-
-    SAVED = ("mode", "max_slant_range_ft", "gap_counts", "speed", "live")
-
     def to_json(self) -> str:
         """Settings, choices and the names of the inputs as a session file."""
-        settings = {
-            field.name: getattr(self.fix_settings, field.name)
-            for field in fields(self.fix_settings)
-            if field.name not in ("profile", "left_out")
-        }
-        document = {
-            "workbench_session": 1,
-            "version": __version__,
-            "simulated": self.simulated,
-            "inputs": {
-                "pings": self.pings.source if self.pings is not None else None,
-                "tfile": self.tfile.reports.source if self.tfile is not None else None,
-            },
-            **{name: getattr(self, name) for name in self.SAVED},
-            "fix_settings": settings,
-            "left_out": {str(n): self.reasons.get(n, "") for n in sorted(self.fix_settings.left_out)},
-            "chosen_set": None
-            if self.crossover is None
-            else [*self.crossover.pair, self.crossover.pass_number],
-            "point_edits": edits_csv(self.edits),
-            "timing_options": self.timing_options,
-        }
-        return json.dumps(document, indent=1)
-
-    def _open_session(self, content, name) -> None:
-        """Puts settings of a session file over the data that are open."""
-        try:
-            document = json.loads("\n".join(decode_lines(content, name)))
-            kept = {key: document[key] for key in self.SAVED if key in document}
-            told = document.get("fix_settings", {})
-            told = {key: tuple(value) if isinstance(value, list) else value for key, value in told.items()}
-            reasons = {int(number): str(why) for number, why in document.get("left_out", {}).items()}
-            settings = replace(self.fix_settings, **told, left_out=frozenset(reasons))
-            with param.parameterized.discard_events(self):
-                self.param.update(**kept)
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise InputError(f"{name}: not a session file of this program ({error})") from None
-        self.param.update(fix_settings=settings, reasons=reasons)
-        self.gate()
-        if "point_edits" in document:
-            self.edits = parse_edits(document["point_edits"].splitlines(), name)[0]
-        self.timing_options = self.timing_options | document.get("timing_options", {})
-        chosen = document.get("chosen_set")
-        if chosen and self.gating is not None:
-            for one in self.gating.sets:
-                if [*one.pair, one.pass_number] == chosen:
-                    self.crossover = one
-        self.say(f"{name}: settings restored; the data files themselves are opened on their own")
-
-
-def binary_kind(content: bytes) -> str | None:
-    """The parameter that a sound or database is kept in, by its first bytes; None for anything else."""
-    if content[:4] in (b"RIFF", b"RF64", b"fLaC", b"FORM", b"OggS"):
-        return "recording"
-    return "hunt_file" if content.startswith(b"SQLite format 3") else None
+        return session_json(self)
 
 
 def same_set(one: CrossoverSet, other: CrossoverSet | None) -> bool:

@@ -15,6 +15,7 @@ from dashboards.tabs.crossover_edits import PointEditing
 from dashboards.tabs.crossover_rays import RadialPage
 from dashboards.tabs.crossover_words import (
     EMPTY,
+    doubts_words,
     gap_table,
     gate_table,
     mode_name,
@@ -234,6 +235,8 @@ class CrossoverTab(Tab):
         left_out = self.session.left_out(crossover)
         self._draw(crossover, left_out)
         self.words.object = sentence(crossover, self.session.gating, self.session.simulated, left_out)
+        if self.session.survey is not None:
+            self.words.object += doubts_words(crossover, self.session.survey)
         rows = np.flatnonzero(np.isin(crossover.point_count, list(kept_selection)))
         self.views.points.selected.indices = rows.tolist()
         self._show_page()

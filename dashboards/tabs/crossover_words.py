@@ -7,6 +7,7 @@ import html
 import numpy as np
 
 from dashboards.session import MODE_NAMES
+from trackerlib.crossover.doubts import set_doubts
 from trackerlib.crossover.edits import PointEdits
 from trackerlib.crossover.gaps import summarise_gap
 from trackerlib.crossover.gating import GatingResult
@@ -14,6 +15,7 @@ from trackerlib.crossover.noise import ResidualNoise
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.smooth_track import is_curved
 from trackerlib.crossover.straight_line import MIN_POINTS
+from trackerlib.crossover.survey import ArraySurvey
 
 EMPTY = (
     "<b>No range run is open.</b> File, Open… reads a T-file and its array table; "
@@ -49,6 +51,12 @@ def sentence(crossover: CrossoverSet, gating: GatingResult, simulated: bool, lef
     if any(is_curved(track, kept.point_count) for track in (kept.x, kept.y)):
         words += "The vehicle turns or changes speed here: a straight line is no model of this track."
     return words
+
+
+def doubts_words(crossover: CrossoverSet, survey: ArraySurvey) -> str:
+    """What is odd about a set, asked in words, as HTML."""
+    asked = (f"{one[:1].upper()}{one[1:]}" for one in set_doubts(crossover, survey))
+    return "".join(f" <b>{html.escape(one)}</b>" for one in asked)
 
 
 def gap_table(crossover: CrossoverSet) -> str:
@@ -99,7 +107,9 @@ def remarks(gating: GatingResult) -> str:
 
 def mode_name(mode: int) -> str:
     """A vehicle's name for its mode."""
-    return f"{MODE_NAMES[mode]} (mode {mode})" if mode in MODE_NAMES else f"vehicle of mode {mode}"
+    if mode in MODE_NAMES:
+        return f"{MODE_NAMES[mode]} (mode {mode})"
+    return f"vehicle of mode {mode}" if mode else "vehicle"  # 0: of sets that were gated elsewhere
 
 
 def _folded(title: str, lines: list[str]) -> str:

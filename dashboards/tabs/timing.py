@@ -11,6 +11,7 @@ import panel_material_ui as pmui
 from dashboards.pictures.q_contours import QContours
 from dashboards.pictures.track_views import TrackViews
 from dashboards.session import same_set
+from dashboards.tabs.crossover_words import doubts_words
 from dashboards.tabs.pages import Pages, above, button, fill, words
 from dashboards.tabs.tab import Tab, alone, choice, heading
 from dashboards.tabs.timing_apply import ApplyPage
@@ -54,6 +55,7 @@ class TimingTab(Tab):
         self.apply_page = ApplyPage(self.session, self._clock)
         self._set = None
         self._stretches = None
+        self._doubts = ""  # of the set, as HTML
         self._quiet = False
         self.words, self.run_words, self.numbers = words("14px"), words("14px"), words()
         self._make_controls()
@@ -191,6 +193,7 @@ class TimingTab(Tab):
             self._refuse(f"<b>This set cannot be corrected:</b> {html.escape(str(error))}.")
             return
         self._set = crossover
+        self._doubts = doubts_words(crossover, session.survey)
         self._quiet = True
         if session.gating is not None:
             at = (k for k, one in enumerate(session.gating.sets) if same_set(one, crossover))
@@ -270,7 +273,7 @@ class TimingTab(Tab):
             )
             return
         fitted = abs(1e3 * correction.offset_s - self.offset_ms.value) < 5e-4
-        self.words.object = sentence(self._set, correction) + self._in_shadow() + (
+        self.words.object = sentence(self._set, correction) + self._in_shadow() + self._doubts + (
             "" if fitted else f"<br>At the sliders the gap is {rms:.1f} ft; <b>Fit</b> goes back to the best."
         )  # fmt: skip
         self.numbers.object = numbers(correction)
@@ -294,7 +297,7 @@ class TimingTab(Tab):
         if session.fits:
             pairs = zip(session.gating.sets, session.fits, strict=True)
             answers = [document(one.source, one, fit) for one, fit in pairs if fit is not None]
-        return "offsets.csv", label + offsets_csv(answers, "1", f"mode {session.gating.mode}")
+        return "offsets.csv", label + offsets_csv(answers, *session.day_and_run)
 
 
 def _slider(label: str, limit: float, step: float, digits: str):

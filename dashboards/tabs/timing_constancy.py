@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import panel as pn
 
-from dashboards.session import DATA, Session
+from dashboards.opening import DATA
+from dashboards.session import Session
 from dashboards.tabs.pages import words
 from dashboards.tabs.tab import Results, choice
 from dashboards.tabs.timing_words import p_words
@@ -37,7 +38,7 @@ class ConstancyPage:
 
     def __init__(self, session: Session):
         self.session = session
-        self._runs: dict[tuple[str, int], list[tuple[str, float]]] = {}
+        self._runs: dict[tuple[str, str], list[tuple[str, float]]] = {}
         self.source = choice("Offsets of", {SESSION: SESSION, REPORT: REPORT}, SESSION)
         self.source.param.watch(lambda event: self.show_table(), "value")
         self.words, self.table_words = words(), words()
@@ -75,7 +76,7 @@ class ConstancyPage:
         session = self.session
         if session.gating is None or len(session.fits) != len(session.gating.sets):
             return
-        self._runs[(session.gating.source, session.gating.mode)] = [
+        self._runs[session.day_and_run] = [
             ("{}-{}".format(*one.pair), fit.offset_s)
             for one, fit in zip(session.gating.sets, session.fits, strict=True)
             if fit is not None and fit.sigma_offset_s is not None
@@ -88,9 +89,7 @@ class ConstancyPage:
         if self.source.value == OPENED:
             return self.session.offsets
         rows = [
-            (source, f"mode {mode}", pair, offset)
-            for (source, mode), offsets in self._runs.items()
-            for pair, offset in offsets
+            (day, run, pair, offset) for (day, run), offsets in self._runs.items() for pair, offset in offsets
         ]
         if not rows:
             return None

@@ -88,7 +88,10 @@ class ProfilePage:
             return
         missed = self.views.show_rays(session.profile, position, track, which)
         above = int(np.sum(-track[:, 2] > -position[2]))
-        edited = " The profile was edited here." if EDITED in session.profile.notes else ""
+        notes = session.profile.notes
+        also = (
+            " The profile was edited here." if EDITED in notes else "".join(f" Note: {one}." for one in notes)
+        )
         told = f"Direct rays from array {number} reach all {len(track)} points of the track."
         if missed:
             told = (
@@ -97,7 +100,7 @@ class ProfilePage:
             )
         if above:
             told += f" {above} points lie deeper than the array; their rays go down."
-        self.words.object = told + edited
+        self.words.object = told + also
 
     # -- what the analyst does -----------------------------------------------------------------
 
@@ -110,8 +113,9 @@ class ProfilePage:
             self.session.report(error)
             return
         self.session.edit(profile=reading.profile)
-        bad = f"; {len(reading.bad_records)} rows could not be read" if reading.bad_records else ""
-        self.session.say(f"{self.file.filename}: {len(reading.profile.depth)} depths{bad}")
+        bad = [f"{len(reading.bad_records)} rows could not be read"] if reading.bad_records else []
+        told = [f"{self.file.filename}: {len(reading.profile.depth)} depths", *bad, *reading.profile.notes]
+        self.session.say("; ".join(told))
 
     def _typed(self) -> None:
         frame = self.table.value

@@ -74,5 +74,5 @@ def plain_prediction(point_count, counts, positions):
     weight = 1.0 / np.hypot(share, 1.0 - share)
     order = np.argsort(prediction, axis=0, kind="stable")
     total = np.cumsum(weight[order], axis=0)
-    middle = np.argmax(total >= 0.5 * total[-1], axis=0)
+    middle = np.argmax(total >= (0.5 - 1e-12) * total[-1], axis=0)  # two halves may differ by rounding
     return prediction[order[middle, np.arange(3)], np.arange(3)]

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import soundfile
 
-from dashboards.session import Session, binary_kind
+from dashboards.opening import binary_kind
+from dashboards.session import Session
 from dashboards.tabs.chart import ChartTab
 from dashboards.tabs.chart_controls import ChartControls
 from dashboards.tabs.chart_export import folded_signal

@@ -8,7 +8,8 @@ from dataclasses import replace
 import pytest
 
 from dashboards.file_kinds import kind_of
-from dashboards.session import UPLOAD_LIMIT_MB, Session
+from dashboards.opening import UPLOAD_LIMIT_MB
+from dashboards.session import Session
 from trackerlib.textfiles import InputError
 
 
@@ -148,7 +149,7 @@ def test_gating_anew_keeps_the_chosen_set_where_it_can(range_run):
 def test_a_large_tfile_is_read_and_gated_as_a_job(data, monkeypatch):
     small = Session()
     small.open_range_demo()
-    monkeypatch.setattr("dashboards.session.LARGE_BYTES", 1)
+    monkeypatch.setattr("dashboards.opening.LARGE_BYTES", 1)
     monkeypatch.setattr("dashboards.session.LARGE_REPORTS", 1)
     large, begun = Session(), []
     start = large.jobs.start

@@ -211,7 +211,7 @@ def test_a_letter_beyond_ascii_far_down_changes_nothing():
 def test_stretches_of_a_file_join_without_a_seam(monkeypatch):
     rng = np.random.default_rng(6)
     lines = random_lines(rng, 700)
-    monkeypatch.setattr(record_scan, "_CHUNK_BYTES", 5_000)
+    monkeypatch.setattr(record_scan, "_STRETCH_BYTES", 5_000)
     monkeypatch.setattr(tfile_module, "_CHUNK", 7)
     agree(lines)
 

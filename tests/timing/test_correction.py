@@ -139,25 +139,31 @@ def test_without_noise_the_truth_comes_back(name):
     assert found.rms_after < 0.2
 
 
-@pytest.mark.parametrize("name", GEOMETRIES)
-def test_stated_sigmas_are_true(name):
-    """Bias below 0.002 ms and 95 % intervals that hold 95 %, over 400 runs of each geometry."""
-    truth, runs = ClockTruth(2.5e-3, 1e-6, 30.0), 400
-    error = np.zeros((runs, 2))
-    inside = np.zeros(2)
-    for seed in range(runs):
-        rng = np.random.default_rng([seed, 7])
-        crossover = simulate_crossover(
-            GEOMETRIES[name], COUNTS, (LEFT, RIGHT), PROFILE, truth, rng, noise_ft=1.5, wobble_ft=0.4
-        )
-        found = fit(crossover)
-        sigma = np.array([found.sigma_offset_s, found.sigma_drift_s_per_count])
-        error[seed] = found.offset_s - truth.at(found.t0), found.drift_s_per_count - truth.drift_s_per_count
-        inside += np.abs(error[seed]) < 1.96 * sigma
-    bias, standard_error = error[:, 0].mean(), error[:, 0].std() / np.sqrt(runs)
-    assert abs(bias) < 2e-6 + 2 * standard_error
-    low, high = stats.binom.ppf([0.0005, 0.9995], runs, 0.95)
-    assert np.all((low <= inside) & (inside <= high)), inside / runs
+@pytest.mark.parametrize("correlation", [0.0, 0.2])
+def test_stated_sigmas_are_true(correlation):
+    """Bias below 0.002 ms and 95 % intervals that hold 94 to 96 %, of noise that hangs together in time too.
+
+    The report's formula alone holds 89 % of the latter; tests/benchmarks/study_timing_coverage.py has 2000 runs a line.
+    """
+    truth, runs, inside = ClockTruth(2.5e-3, 1e-6, 30.0), 250, np.zeros(2)
+    for k, track in enumerate(GEOMETRIES.values()):
+        error = np.zeros((runs, 2))
+        for seed in range(runs):
+            rng = np.random.default_rng([seed, k, 7])
+            crossover = simulate_crossover(
+                track, COUNTS, (LEFT, RIGHT), PROFILE, truth, rng, 1.5, 0.4, correlation
+            )
+            found = fit(crossover)
+            sigma = np.array([found.sigma_offset_s, found.sigma_drift_s_per_count])
+            error[seed] = (
+                found.offset_s - truth.at(found.t0), found.drift_s_per_count - truth.drift_s_per_count
+            )  # fmt: skip
+            inside += np.abs(error[seed]) < 1.96 * sigma
+        bias, standard_error = error[:, 0].mean(), error[:, 0].std() / np.sqrt(runs)
+        assert abs(bias) < 2e-6 + 2.5 * standard_error
+    tried = runs * len(GEOMETRIES)
+    low, high = stats.binom.ppf(0.001, tried, 0.94), stats.binom.ppf(0.999, tried, 0.96)
+    assert np.all((low <= inside) & (inside <= high)), inside / tried
 
 
 def test_outliers_are_left_out_of_the_offset_and_of_the_noise_and_listed():

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+GAP = 1.75  # times the larger of its neighbours, from which a step of depth is a gap
 TAIL_ROWS = 6  # the mean step of this many last rows carries a profile on below its end
 
 
@@ -49,11 +50,14 @@ class SoundSpeedProfile:
 
         upper_boundary : (L,) depth of each layer's upper boundary
         middle_speed : (L,) speed at the middle between that boundary and the next; the last layer is
-            as thick as the one before
+            as thick as the one before, and so is a layer above a gap (`depth_gaps`)
         """
         boundary = np.asarray(upper_boundary, float)
         thickness = np.append(np.diff(boundary), boundary[-1] - boundary[-2])
-        return cls(boundary + thickness / 2, np.asarray(middle_speed, float), unit, name)
+        for gap in depth_gaps(boundary):  # rows are missing: the layer above was as thick as its neighbours
+            thickness[gap] = thickness[gap - 1] if gap else thickness[gap + 1]
+        notes = gap_notes(boundary, unit)
+        return cls(boundary + thickness / 2, np.asarray(middle_speed, float), unit, name, notes)
 
     @property
     def gradient(self) -> np.ndarray:
@@ -103,3 +107,21 @@ class SoundSpeedProfile:
     def _tail_gradient(self) -> float:
         first = max(len(self.depth) - 1 - TAIL_ROWS, 0)
         return float((self.speed[-1] - self.speed[first]) / (self.depth[-1] - self.depth[first]))
+
+
+def depth_gaps(depth: np.ndarray) -> np.ndarray:
+    """Places (K,) of steps between depths (L,) that are much longer than those before and after."""
+    step = np.diff(depth)
+    if len(step) < 2:
+        return np.empty(0, int)
+    # the last step has none behind it, and tables grow coarser with depth
+    beside = np.maximum(np.append(step[1:], 2 * step[-2]), np.append(0, step[:-1]))
+    return np.flatnonzero(step > GAP * beside)
+
+
+def gap_notes(depth: np.ndarray, unit: str) -> tuple[str, ...]:
+    """A sentence on every gap of a profile's depths (L,), across which the speed is a straight line."""
+    return tuple(
+        f"gap in the depths from {depth[k]:g} to {depth[k + 1]:g} {unit}: speed goes straight across"
+        for k in depth_gaps(depth)
+    )

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
 
+from trackerlib.commands.range_inputs import read_profile, read_survey, tell
+from trackerlib.crossover.doubts import report_doubts
 from trackerlib.crossover.gating import MAX_SLANT_RANGE_FT, gate_mode_and_flag
-from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.calibration_file import read_calibration
 from trackerlib.rangefiles.corrected_tfile import CorrectedCopy, corrected_copy
 from trackerlib.rangefiles.run_track_file import run_track_csv
 from trackerlib.rangefiles.tfile import HEADER_RECORDS, TFileReading, parse_tfile
-from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.textfiles import InputError, read_bytes, write_bytes, write_text
 from trackerlib.timing.run_track import RunTrack, correct_run
 from trackerlib.timing.track_correction import CorrectedReports, correct_reports
@@ -43,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict:
     """Writes the copy and returns the answer of `correct` as a document for JSON."""
     _check(args)
-    survey = read_arrays(args.arrays).survey
-    profile = read_velocity(args.profile, args.profile_speeds).profile
+    survey = read_survey(args.arrays)
+    profile = read_profile(args.profile, args.profile_speeds)
     movements = read_calibration(args.calibration) if args.calibration else {}
     content = read_bytes(args.tfile)
     tfile = parse_tfile(content, args.tfile.name, args.header_records)
@@ -63,9 +62,8 @@ def run(args: argparse.Namespace) -> dict:
     )
     track = _whole_track(args, tfile, survey, profile) if args.track else None
     write_bytes(args.out, copy.content)
-    warnings = [*tfile.warnings, *_warnings(args, tfile, corrected, copy)]
-    for note in warnings:
-        print(f"correct: {note}", file=sys.stderr)
+    warnings = [*tfile.warnings, *_warnings(args, tfile, survey, corrected, copy)]
+    tell("correct", (), warnings)
     answer = document(args, tfile, corrected, copy, warnings)
     if track is not None:
         write_text(args.track, run_track_csv(track, provenance(args), tfile.simulated))
@@ -144,6 +142,9 @@ def report(answer: dict) -> str:
         f"{answer['untouched']} records left as they were",
         f"written to {answer['file']}",
     ]
+    bad = answer["bad_records"]
+    lines += [f"line {record['line']}: {record['why']}" for record in bad[:10]]
+    lines += [f"... and {len(bad) - 10} more such lines"] if len(bad) > 10 else []
     if "track" in answer:
         lines.append(
             f"whole track of {answer['track_points']} counts written to {answer['track']}; its "
@@ -164,8 +165,11 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"--out is {args.out}, the T-file itself; wanted another file")
 
 
-def _warnings(args, tfile, corrected, copy) -> list[str]:
-    warnings = [
+def _warnings(args, tfile, survey, corrected, copy) -> list[str]:
+    reports = tfile.reports
+    wanted = ~reports.flagged if args.mode is None else (reports.mode == args.mode) & ~reports.flagged
+    warnings = report_doubts(reports.position[wanted], reports.array[wanted], survey, args.max_slant_range_ft)
+    warnings += [
         f"array {array} has no surveyed position: {count} reports are left as they were"
         for array, count in corrected.unplaced.items()
     ]

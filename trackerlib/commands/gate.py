@@ -6,11 +6,13 @@ import argparse
 import sys
 from pathlib import Path
 
+from trackerlib.commands.campaign_runs import each_run, failures_report
+from trackerlib.commands.range_inputs import read_survey, tell
 from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, GatingResult, gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.segments import TrackSegment, straight_segments
-from trackerlib.rangefiles.arrays import parse_date, read_arrays
-from trackerlib.rangefiles.campaign import read_campaign
+from trackerlib.rangefiles.arrays import parse_date
+from trackerlib.rangefiles.campaign import CampaignRun, read_campaign
 from trackerlib.rangefiles.crossover_file import crossover_file_name, write_crossover
 from trackerlib.rangefiles.segment_file import segment_file_name, write_segment
 from trackerlib.rangefiles.tfile import HEADER_RECORDS, read_tfile
@@ -64,35 +66,33 @@ def run(args: argparse.Namespace) -> dict:
 
 def run_campaign(args: argparse.Namespace) -> dict:
     """The answers of all runs of a campaign, each with its sets in a folder of its own."""
-    answers = []
-    for one in read_campaign(args.campaign).runs:
-        folder = args.out / f"day_{one.day}_run_{one.run}_mode_{one.mode}"
-        own = {
-            "tfile": one.tfile,
-            "arrays": one.arrays,
-            "mode": one.mode,
-            "header_records": one.header_records,
-        }
-        answer = run_one(argparse.Namespace(**{**vars(args), **own, "out": folder}))
-        answers.append({"day": one.day, "run": one.run, "mode": one.mode, "vehicle": one.vehicle, **answer})
-    return {"runs": answers, "simulated": any(answer["simulated"] for answer in answers)}
+
+    def work(one: CampaignRun) -> dict:
+        own = {name: getattr(one, name) for name in ("tfile", "arrays", "mode", "header_records")}
+        out = args.out / f"day_{one.day}_run_{one.run}_mode_{one.mode}"
+        return run_one(argparse.Namespace(**{**vars(args), **own, "out": out}))
+
+    done, failed = each_run("gate", read_campaign(args.campaign), work)
+    answers = [
+        {"day": one.day, "run": one.run, "mode": one.mode, "vehicle": one.vehicle, **answer}
+        for one, answer in done
+    ]
+    simulated = any(answer["simulated"] for answer in answers)
+    return {"runs": answers, "failed_runs": failed, "simulated": simulated}
 
 
 def run_one(args: argparse.Namespace) -> dict:
     """The answer for one T-file."""
-    arrays = read_arrays(args.arrays)
+    survey = read_survey(args.arrays)
     tfile = read_tfile(args.tfile, args.header_records, args.mode)
     try:
         run_date = parse_date(args.run_date) if args.run_date else tfile.run_date
     except ValueError as error:
         raise InputError(f"--run-date: {error}") from None
-    gates = (arrays.survey, args.mode, args.max_slant_range_ft, args.gap_counts)
+    gates = (survey, args.mode, args.max_slant_range_ft, args.gap_counts)
     result = gate_reports(tfile.reports, *gates, run_date, args.keep_line)
     segments = straight_segments(tfile.reports, *gates) if args.segments else ()
-    for record in arrays.bad_records:
-        print(f"{args.arrays.name}, line {record.line}: {record.why}", file=sys.stderr)
-    for note in (*arrays.notes, *tfile.warnings, *result.warnings):
-        print(f"gate: {note}", file=sys.stderr)
+    tell("gate", (), (*tfile.warnings, *result.warnings))
     files = write_sets(args.out, result.sets)
     answer = document(result, files, [*tfile.warnings, *result.warnings], tfile.simulated)
     if args.segments:
@@ -137,7 +137,7 @@ def report(answer: dict) -> str:
         parts = [
             f"day {one['day']}, run {one['run']}, mode {one['mode']}\n{report(one)}" for one in answer["runs"]
         ]
-        return "\n\n".join(parts)
+        return "\n\n".join([*parts, *failures_report(answer["failed_runs"])])
     bad = answer["bad_records"]
     lines = ["SIMULATED DATA"] if answer["simulated"] else []
     lines += [

@@ -10,14 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
+from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.commands.campaign_runs import each_run, failures_report
+from trackerlib.commands.range_inputs import read_profile, read_survey, tell
+from trackerlib.crossover.doubts import set_doubts
 from trackerlib.crossover.gating import gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
-from trackerlib.rangefiles.arrays import read_arrays
-from trackerlib.rangefiles.campaign import read_campaign
+from trackerlib.crossover.survey import ArraySurvey
+from trackerlib.rangefiles.campaign import CampaignRun, read_campaign
 from trackerlib.rangefiles.crossover_file import crossover_file_name, read_crossover
 from trackerlib.rangefiles.m_matrix_file import read_m_matrix
 from trackerlib.rangefiles.tfile import read_tfile
-from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.textfiles import InputError, write_text
 from trackerlib.timing.causes import CauseFit, Ranking, compare_causes
 from trackerlib.timing.correction import METHODS, OUTLIERS, TimingCorrection, fit_timing
@@ -81,28 +84,46 @@ def run(args: argparse.Namespace) -> dict:
         raise InputError("no crossover set given; wanted CROSSOVER files or --set FILE LEFT RIGHT")
     if args.out and (args.day is None or args.run is None):
         raise InputError("--out needs --day and --run, which the table names")
-    survey = read_arrays(args.arrays).survey
-    profile = read_velocity(args.profile, args.profile_speeds).profile
-    noise = None if args.covariance is None else read_m_matrix(args.covariance)
-    answers, sets = [], []
-    for path, pair in [(path, None) for path in args.crossover] + [_told(*one) for one in args.set]:
-        reading = read_crossover(path, survey, pair)
-        for record in reading.bad_records:
-            print(f"{path.name}, line {record.line}: {record.why}", file=sys.stderr)
-        for note in reading.notes:
-            print(f"{path.name}: {note}", file=sys.stderr)
-        fit = fit_timing(reading.set, survey, profile, noise, method=args.method, outliers=args.outliers)
-        answers.append(document(path, reading.set, fit))
-        sets.append(reading.set)
+    survey = read_survey(args.arrays)
+    profile = read_profile(args.profile, args.profile_speeds)
+    answers, sets, failed = fit_sets(args, survey, profile)
     if args.out:
         write_text(args.out, offsets_csv(answers, args.day, args.run))
-    answer = {"sets": answers, "one_offset": one_offset(answers), "simulated": _is_simulated(args)}
+    answer = {
+        "sets": answers,
+        "failed_sets": failed,
+        "one_offset": one_offset(answers),
+        "simulated": _is_simulated(args, sets),
+    }
     if args.causes:
         try:
             answer |= causes_document(compare_causes(sets, survey, profile))
         except ValueError as error:
             print(f"timing: {error}", file=sys.stderr)
     return answer
+
+
+def fit_sets(args: argparse.Namespace, survey: ArraySurvey, profile: SoundSpeedProfile):
+    """Answers and sets of all files, and those of no use with the reason. Raises InputError where none is of use."""
+    noise = None if args.covariance is None else read_m_matrix(args.covariance)
+    named = [(path, None) for path in args.crossover] + [_told(*one) for one in args.set]
+    answers, sets, failed = [], [], []
+    for path, pair in named:
+        try:
+            reading = read_crossover(path, survey, pair)
+            doubts = set_doubts(reading.set, survey)
+            tell(path.name, reading.bad_records, [*reading.notes, *doubts])
+            fit = fit_timing(reading.set, survey, profile, noise, method=args.method, outliers=args.outliers)
+        except InputError as error:
+            failed.append({"file": str(path), "why": str(error)})
+            continue
+        answers.append({**document(path, reading.set, fit), "remarks": doubts})
+        sets.append(reading.set)
+    if not answers:
+        raise InputError(f"no crossover set is of use; {failed[0]['file']}: {failed[0]['why']}")
+    for one in failed:
+        print(f"timing: {one['file']} is no use: {one['why']}; the other sets go on", file=sys.stderr)
+    return answers, sets, failed
 
 
 def one_offset(answers: list[dict]) -> dict | None:
@@ -157,23 +178,30 @@ def run_campaign(args: argparse.Namespace) -> dict:
     """The answer for every set of every run of a campaign; its T-files are gated on the way."""
     if args.crossover or args.set or args.arrays or args.profile:
         raise InputError("--campaign names its files itself; wanted either it or crossover sets")
-    answers, simulated = [], False
-    for one in read_campaign(args.campaign).runs:
-        survey = read_arrays(one.arrays).survey
-        profile = read_velocity(one.profile, args.profile_speeds).profile
-        tfile = read_tfile(one.tfile, one.header_records, one.mode)
-        gated = gate_reports(tfile.reports, survey, one.mode, run_date=tfile.run_date)
-        for note in (*tfile.warnings, *gated.warnings):
-            print(f"timing: day {one.day}, run {one.run}: {note}", file=sys.stderr)
-        for crossover in gated.sets:
-            file = Path(f"day_{one.day}_run_{one.run}_mode_{one.mode}") / crossover_file_name(crossover)
-            timed = fit_timing(crossover, survey, profile, method=args.method, outliers=args.outliers)
-            fit = document(file, crossover, timed)
-            answers.append({"day": one.day, "run": one.run, "vehicle": one.vehicle, **fit})
-        simulated |= tfile.simulated
+    done, failed = each_run("timing", read_campaign(args.campaign), lambda one: fit_run(args, one))
+    answers = [
+        {"day": one.day, "run": one.run, "vehicle": one.vehicle, **fit}
+        for one, (fits, _) in done
+        for fit in fits
+    ]
     if args.out:
         write_text(args.out, offsets_csv(answers))
-    return {"sets": answers, "simulated": simulated}
+    simulated = any(simulated for _, (_, simulated) in done)
+    return {"sets": answers, "failed_runs": failed, "simulated": simulated}
+
+
+def fit_run(args: argparse.Namespace, one: CampaignRun) -> tuple[list[dict], bool]:
+    """The answers for every set of one run of a campaign, and whether the run is simulated."""
+    survey = read_survey(one.arrays)
+    profile = read_profile(one.profile, args.profile_speeds)
+    tfile = read_tfile(one.tfile, one.header_records, one.mode)
+    gated = gate_reports(tfile.reports, survey, one.mode, run_date=tfile.run_date)
+    tell(f"timing: {one}", gated.bad_records, (*tfile.warnings, *gated.warnings))
+    folder, answers = Path(f"day_{one.day}_run_{one.run}_mode_{one.mode}"), []
+    for crossover in gated.sets:
+        fit = fit_timing(crossover, survey, profile, method=args.method, outliers=args.outliers)
+        answers.append(document(folder / crossover_file_name(crossover), crossover, fit))
+    return answers, tfile.simulated
 
 
 def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -> dict:
@@ -192,6 +220,7 @@ def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -
         "correlation": fit.correlation,
         "t0": fit.t0,
         "points": fit.points,
+        "in_shadow": fit.in_shadow,
         "excluded_counts": crossover.point_count[fit.excluded].tolist(),
         "M_ft2": None if fit.noise is None else fit.noise.tolist(),
         "noise_points": fit.noise_points,
@@ -214,11 +243,14 @@ def offsets_csv(answers: list[dict], day: str = "", run_name: str = "") -> str:
     """The table of offsets: day, run, pair, offset_ms, and the other columns of Table 1 (Read 1990).
 
     day, run_name : of the answers that do not name theirs
+    A set without a usable point has no offset and no row.
     """
     out = io.StringIO()
     table = csv.DictWriter(out, COLUMNS, extrasaction="ignore", lineterminator="\n")
     table.writeheader()
     for answer in answers:
+        if not answer["points"]:
+            continue
         pair = "-".join(map(str, answer["pair"]))
         named = {"day": day, "run": run_name, **answer, "pair": pair, "file": Path(answer["file"]).name}
         table.writerow(named)
@@ -230,15 +262,20 @@ def report(answer: dict) -> str:
     lines = ["pair       T   offset (ms)        drift (ms/count)      rms gap (ft)"]
     for one in answer["sets"]:
         pair = "{}-{}".format(*one["pair"])
+        shadow = f"   {one['in_shadow']} points in shadow" if one["in_shadow"] else ""
+        if not one["points"]:
+            lines.append(f"{pair:8} {0:3d}   no offset: {one['reason']}{shadow}")
+            continue
         if one["sigma_offset_ms"] is None:
             even = one["isotropic_sigma_offset_ms"]
             also = "" if even is None else f"; with equal noise on every axis ± {even:.2g}"
             lines.append(
-                f"{pair:8} {one['points']:3d}   {one['offset_ms']:7.3f}, no sigma: {one['reason']}{also}"
+                f"{pair:8} {one['points']:3d}   {one['offset_ms']:7.3f}, no sigma: {one['reason']}{also}{shadow}"
             )
             continue
         apart = f"   still apart: {', '.join(one['separated'])}" if one["separated"] else ""
-        left_out = f"   {len(one['excluded_counts'])} outliers left out" if one["excluded_counts"] else ""
+        outliers = len(one["excluded_counts"]) - one["in_shadow"]
+        left_out = (f"   {outliers} outliers left out" if outliers else "") + shadow
         lines.append(
             f"{pair:8} {one['points']:3d}   {one['offset_ms']:7.3f} ± {one['sigma_offset_ms']:.3f}   "
             f"{one['drift_ms_per_count']:9.4f} ± {one['sigma_drift_ms_per_count']:.4f}   "
@@ -263,6 +300,8 @@ def report(answer: dict) -> str:
                 f"{one['cause']:60}  {one['aicc_above_best']:15.1f}   {one['chi_square_per_number']:10.3f}   "
                 f"{'' if held_out is None else format(held_out, '8.3f')}"
             )
+    lines += [f"{one['file']} is no use: {one['why']}" for one in answer.get("failed_sets", ())]
+    lines += failures_report(answer.get("failed_runs", []))
     if answer["simulated"]:
         lines.append("SIMULATED data")
     return "\n".join(lines)
@@ -275,7 +314,9 @@ def _told(file: str, left: str, right: str) -> tuple[Path, tuple[int, int]]:
         raise InputError(f"--set {file} {left} {right}: wanted two array numbers after the file") from None
 
 
-def _is_simulated(args: argparse.Namespace) -> bool:
-    """Whether a truth.json beside the array table says that the run is synthetic."""
+def _is_simulated(args: argparse.Namespace, sets: list[CrossoverSet]) -> bool:
+    """Whether a set says so itself, or a truth.json beside the array table says that the run is synthetic."""
+    if any(one.range_name == "SIMULATED" for one in sets):
+        return True
     truth = args.arrays.with_name("truth.json")
     return truth.exists() and '"synthetic": true' in truth.read_text(errors="replace")

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackerlib.crossover.doubts import report_doubts
 from trackerlib.crossover.gate_scan import (
     ALONE,
     ALONE_IN_RANGE,
@@ -32,11 +33,6 @@ from trackerlib.textfiles import BadRecord
 
 MAX_SLANT_RANGE_FT = 4700.0
 GAP_COUNTS = 30
-FEET_PER_METRE = 1 / 0.3048
-SELDOM, USUAL = (
-    0.1,
-    0.5,
-)  # shares of reports within range of their array that make a unit doubtful, and likely
 
 
 @dataclass(frozen=True)
@@ -103,7 +99,7 @@ def gate_reports(
         repeats_left_out=len(repaired) - len(single),
         unplaced=int(ended[UNPLACED]),
     )
-    some = slice(None, None, 1 + len(vehicle) // 20_000)  # enough to tell feet from metres
+    some = slice(None, None, 1 + len(vehicle) // 4000)  # enough to tell feet from metres
     sets = tuple(pair_up(vehicle.only(single), gap_counts))
     return GatingResult(
         mode=mode,
@@ -114,7 +110,7 @@ def gate_reports(
         bad_records=reports.bad_records,
         warnings=(
             *_warnings(reports, sets, survey, mode, unplaced_arrays, run_date),
-            *unit_doubts(vehicle.position[some], place[row[some]], max_slant_range_ft),
+            *report_doubts(vehicle.position[some], vehicle.array[some], survey, max_slant_range_ft),
         ),
         source=reports.source,
     )
@@ -173,24 +169,6 @@ def split_passes(crossover: CrossoverSet, gap_counts: int) -> list[CrossoverSet]
     cuts = np.flatnonzero(np.diff(crossover.point_count) > gap_counts) + 1
     parts = zip([0, *cuts], [*cuts, crossover.points], strict=True)
     return [crossover.only(slice(a, b)).numbered(number) for number, (a, b) in enumerate(parts, 1)]
-
-
-def unit_doubts(position: np.ndarray, place: np.ndarray, limit: float) -> list[str]:
-    """A question, where tracks (N, 3) lie near their arrays (N, 3) only if one of the two is in metres."""
-
-    def near(a: float, b: float) -> float:
-        return float(np.mean(np.linalg.norm(a * position[known] - b * place[known], axis=1) <= limit))
-
-    known = ~np.isnan(place[:, 0])
-    if not known.any() or near(1, 1) > SELDOM:
-        return []
-    doubts = (("T-file", near(FEET_PER_METRE, 1)), ("array table", near(1, FEET_PER_METRE)))
-    return [
-        f"is the {which} in metres? {share:.0%} of the reports lie within {limit:g} ft of their array if it is, "
-        f"{near(1, 1):.0%} if it is in feet"
-        for which, share in doubts
-        if share > USUAL
-    ]
 
 
 def _rows(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,6 +17,7 @@ NEIGHBOUR_COUNTS = 12  # how far in point counts a neighbour may be
 NEIGHBOURS_PER_SIDE = 5
 _MOST = 2 * NEIGHBOURS_PER_SIDE
 _PAIRS = _MOST * (_MOST - 1) // 2
+_TIE = 1e-12  # of all weight: two halves that are alike but for rounding
 _FEWEST = 500  # repeats for which a thread of its own is worth its start
 
 
@@ -126,8 +127,8 @@ def predict_position(point_count: int, counts: np.ndarray, positions: np.ndarray
 
 
 @compiled
-def _predict(away, positions, size, value, weight, predicted):
-    """`predict_position` of neighbours so many counts `away`; value (4, pairs) and weight are room to work in."""
+def _predict(away, positions, size, value, room, predicted):
+    """`predict_position` of neighbours so many counts `away`; value (4, pairs) and room (pairs) are to work in."""
     count = 0
     for i in range(size):
         for j in range(i + 1, size):
@@ -144,24 +145,26 @@ def _predict(away, positions, size, value, weight, predicted):
             predicted[axis] = np.median(positions[:size, axis].copy()) if size else np.nan
         return
     for axis in range(3):
-        weight[:count] = value[3, :count]
-        predicted[axis] = _weighted_median(value[axis, :count], weight[:count])
+        predicted[axis] = _weighted_median(value[axis], value[3], room, count)
 
 
 @compiled
-def _weighted_median(value, weight):
-    """The value at which half of the weight is reached; both arrays are put in order."""
-    for i in range(1, len(value)):
-        v, w, j = value[i], weight[i], i - 1
-        while j >= 0 and value[j] > v:
-            value[j + 1], weight[j + 1] = value[j], weight[j]
-            j -= 1
-        value[j + 1], weight[j + 1] = v, w
-    half, k, total = 0.5 * np.sum(weight), 0, weight[0]
-    while total < half and k < len(value) - 1:
-        k += 1
-        total += weight[k]
-    return value[k]
+def _weighted_median(value, weight, reached, size):
+    """The least value at which, with all values below, half of the weight is reached; `reached` is room to work in.
+
+    Weighs every value against every other: that has no branches, where sorting has one a comparison.
+    """
+    reached[:size] = 0.0
+    total = 0.0
+    for j in range(size):
+        v, w = value[j], weight[j]
+        total += w
+        for i in range(size):
+            reached[i] += w if v <= value[i] else 0.0
+    half, least = (0.5 - _TIE) * total, np.inf
+    for i in range(size):
+        least = min(least, value[i] if reached[i] >= half else np.inf)
+    return least
 
 
 @compiled
@@ -199,11 +202,11 @@ def _choose(
     point_count, array, position, kept, told, keep, firsts, member, distance, chosen, neighbours, by_hand
 ):
     away, near, expected = np.empty(_MOST), np.empty((_MOST, 3)), np.empty(3)
-    value, weight = np.empty((4, _PAIRS)), np.empty(_PAIRS)
+    value, room = np.empty((4, _PAIRS)), np.empty(_PAIRS)
     for r in range(len(firsts)):
         first = kept[firsts[r]]
         neighbours[r] = _neighbours(point_count, array, position, first, away, near)
-        _predict(away, near, neighbours[r], value, weight, expected)
+        _predict(away, near, neighbours[r], value, room, expected)
         size, best, k = 0, firsts[r], firsts[r]
         least = np.inf
         while k < len(kept) and point_count[kept[k]] == point_count[first]:

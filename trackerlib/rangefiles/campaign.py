@@ -5,7 +5,8 @@ JSON or TOML, told by the file's name; paths are relative to it:
     {"name": "June", "arrays": "arrays.csv", "profiles": {"1": "VELOCITY1.DAT", "2": "VELOCITY2.DAT"},
      "runs": [{"day": "1", "run": "1", "tfile": "run1.dat", "mode": 7, "vehicle": "MK 30"}, ...]}
 
-A run may name its own `arrays`, `profile` and `header_records`; the profile of its day serves otherwise.
+A run may name its own `arrays`, `profile` and `header_records`; the profile of its day serves otherwise. Whether
+the files are there is seen when a run is taken: one that cannot be read does not stop the others.
 """
 
 from __future__ import annotations
@@ -34,6 +35,10 @@ class CampaignRun:
     vehicle: str = ""
     header_records: int = HEADER_RECORDS
 
+    def __str__(self) -> str:
+        vehicle = f"{self.vehicle} (mode {self.mode})" if self.vehicle else f"mode {self.mode}"
+        return f"day {self.day}, run {self.run}, {vehicle}"
+
 
 @dataclass(frozen=True)
 class Campaign:
@@ -55,38 +60,46 @@ class Campaign:
 
 
 def read_campaign(path: str | Path) -> Campaign:
-    """The campaign of a file. Raises InputError with the key where it is not as wanted, or a file is missing."""
+    """The campaign of a file. Raises InputError with the key where it is not as wanted."""
     path = Path(path)
-    text = "\n".join(decode_lines(read_bytes(path), path.name))
+    return parse_campaign(read_bytes(path), path.name, path.parent)
+
+
+def parse_campaign(content: bytes, name: str, folder: Path | None = None) -> Campaign:
+    """The same from the bytes of a file (or upload) called `name`.
+
+    folder : where the file lies; without it, files that are not named by their whole path are refused
+    """
+    text = "\n".join(decode_lines(content, name))
     try:
-        content = tomllib.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
+        entries = tomllib.loads(text) if name.lower().endswith(".toml") else json.loads(text)
     except (json.JSONDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(
-            f"{path.name}: {error}; wanted a campaign in JSON, or in TOML if it ends in .toml"
+            f"{name}: {error}; wanted a campaign in JSON, or in TOML if it ends in .toml"
         ) from None
+    return _campaign(entries, name, folder)
+
+
+def _campaign(content, name: str, folder: Path | None) -> Campaign:
     if not isinstance(content, dict):
-        raise InputError(
-            f"{path.name}: found {type(content).__name__}, wanted name, arrays, profiles and runs"
-        )
+        raise InputError(f"{name}: found {type(content).__name__}, wanted name, arrays, profiles and runs")
     entries = content.get("runs")
     if not isinstance(entries, list) or not entries:
-        raise InputError(f"{path.name}, key runs: found {entries!r}, wanted a list of one run or more")
+        raise InputError(f"{name}, key runs: found {entries!r}, wanted a list of one run or more")
     profiles = content.get("profiles", {})
     if not isinstance(profiles, dict):
-        raise InputError(f"{path.name}, key profiles: found {profiles!r}, wanted a file for each day")
+        raise InputError(f"{name}, key profiles: found {profiles!r}, wanted a file for each day")
     runs = tuple(
-        _run(entry, content.get("arrays"), profiles, path, f"{path.name}, key runs[{n}]")
+        _run(entry, content.get("arrays"), profiles, folder, f"{name}, key runs[{n}]")
         for n, entry in enumerate(entries, 1)
     )
     seen: set[tuple] = set()
     for n, one in enumerate(runs, 1):
         key = (one.day, one.run, one.mode)
         if key in seen:
-            raise InputError(
-                f"{path.name}, key runs[{n}]: day {one.day}, run {one.run}, mode {one.mode} again"
-            )
+            raise InputError(f"{name}, key runs[{n}]: day {one.day}, run {one.run}, mode {one.mode} again")
         seen.add(key)
-    return Campaign(str(content.get("name", path.stem)), runs)
+    return Campaign(str(content.get("name", Path(name).stem)), runs)
 
 
 def write_campaign(path: str | Path, campaign: Campaign) -> None:
@@ -103,7 +116,7 @@ def write_campaign(path: str | Path, campaign: Campaign) -> None:
     write_text(path, json.dumps({"name": campaign.name, "runs": runs}, indent=1, ensure_ascii=False) + "\n")
 
 
-def _run(entry, arrays, profiles: dict, path: Path, where: str) -> CampaignRun:
+def _run(entry, arrays, profiles: dict, folder: Path | None, where: str) -> CampaignRun:
     if not isinstance(entry, dict):
         raise InputError(f"{where}: found {entry!r}, wanted day, run, tfile and mode")
     for key in entry.keys() - _RUN_KEYS:
@@ -119,21 +132,23 @@ def _run(entry, arrays, profiles: dict, path: Path, where: str) -> CampaignRun:
     return CampaignRun(
         day=day,
         run=str(entry["run"]),
-        tfile=_file(entry["tfile"], path, f"{where}.tfile"),
+        tfile=_file(entry["tfile"], folder, f"{where}.tfile"),
         mode=entry["mode"],
-        arrays=_file(entry.get("arrays", arrays), path, f"{where}.arrays"),
-        profile=_file(entry.get("profile", profiles.get(day)), path, f"{where}.profile"),
+        arrays=_file(entry.get("arrays", arrays), folder, f"{where}.arrays"),
+        profile=_file(entry.get("profile", profiles.get(day)), folder, f"{where}.profile"),
         vehicle=str(entry.get("vehicle", "")),
         header_records=header,
     )
 
 
-def _file(name, campaign: Path, where: str) -> Path:
+def _file(name, folder: Path | None, where: str) -> Path:
     if not isinstance(name, str) or not name:
         raise InputError(
             f"{where}: found {name!r}, wanted the name of a file, here or for the whole campaign"
         )
-    file = campaign.parent / name
-    if not file.is_file():
-        raise InputError(f"{where}: {file}: no such file")
-    return file
+    if folder is None and not Path(name).is_absolute():
+        raise InputError(
+            f"{where}: {name} is beside the campaign file, and a dropped file does not say where it lies; type the "
+            "campaign's own path under Open, such as /data/june/campaign.toml"
+        )
+    return Path(name) if folder is None else folder / name

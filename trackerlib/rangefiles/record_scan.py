@@ -6,8 +6,8 @@ in the right order, and what number they make (tenths of a foot, whole), without
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
+import threading
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -19,56 +19,128 @@ from trackerlib.compiled import compiled, in_threads, warms
 COLUMNS = 68
 MARGIN = 80  # bytes behind the last record that a scan may look at
 EVERY_MODE = -1
-_CHUNK_BYTES = 4_000_000  # a thread of its own is worth its start
+_STRETCH_BYTES = 8_000_000  # what is kept of so many stays in the cache until it is put in its place
 _NEWLINE, _RETURN = 10, 13
 
 _word = np.uint64
 _BLANKS, _ZEROS, _HIGH = _word(0x2020202020202020), _word(0x3030303030303030), _word(0x8080808080808080)
 _NOT_DIGIT = _word(0x7676767676767676)  # added to (byte ^ '0'), sets the high bit of all but digits
 _TO_HIGH = _word(0x6060606060606060)  # added to a byte, sets the high bit of all but control characters
-_ONES = _word(0x0101010101010101)
+_EVEN, _PAIR_ONES = _word(0x00FF00FF00FF00FF), _word(0x0001000100010001)
+_LANES_HOLD = 224  # words whose bytes, 0 or 1 each, can be added up byte by byte
 _MINUS = _word(0x0D0D0D0D0D0D0D0D)  # '-' ^ ' ' in every byte
 _NO_MARK = 0x2020
 _LINES = 64  # looked at together
 
 
-class Scan(NamedTuple):
-    """Records of one stretch of a file that are well formed, and where the other lines are."""
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Records of a file that are well formed, and where the other lines are."""
 
-    line: np.ndarray  # (N,) of the stretch, from 0
-    point_count: np.ndarray  # (N,)
-    position: np.ndarray  # (N, 3) ft
-    array: np.ndarray  # (N,)
-    mode: np.ndarray  # (N,)
-    flagged: np.ndarray  # (N,)
+    columns: list[
+        np.ndarray
+    ]  # line, point count, position (N, 3) ft, array, mode, edit mark, of (N,) reports
     odd: np.ndarray  # (K, 3) line, start and length of every other line, blank ones too
-    lines: int  # in the stretch
-    well_formed: int  # of these, of any mode
-    first_line: int  # of the first well-formed record of any mode, -1 for none
     modes: np.ndarray  # (10,) well-formed records of each mode
+    first_line: int | None  # of the first well-formed record of any mode
+
+
+class _Part(NamedTuple):
+    """The same of one stretch, its lines counted from 0."""
+
+    columns: list[np.ndarray]
+    odd: np.ndarray
+    lines: int
+    first_line: int  # -1 for none
+    modes: np.ndarray
     foreign: bool  # a carriage return or a byte that is no ASCII: the scan stopped
 
 
-def scan_records(text: np.ndarray, start: int, mode: int = EVERY_MODE) -> list[Scan]:
-    """Scans of the stretches of a file's bytes (uint8) from `start` on, one after the other.
+class _Gathering:
+    """Puts what stretches find one behind the other in the order of the file, whichever ends first."""
+
+    def __init__(self, records: int, first_line: int):
+        self._columns = _columns(records)
+        self._rooms: list[list[np.ndarray]] = []  # free ones
+        self._lock = threading.Lock()
+        self._early: dict[int, _Part] = {}
+        self._next, self._filled, self._line = 0, 0, first_line
+        self._odd, self._modes, self._first_line = [np.empty((0, 3), np.int64)], np.zeros(10, np.int64), -1
+        self._foreign = False
+
+    def room(self) -> list[np.ndarray]:
+        """Columns for a stretch to fill; used again and again, they stay in the processor's cache."""
+        with self._lock:
+            return self._rooms.pop() if self._rooms else _columns(_STRETCH_BYTES // (COLUMNS + 1) + _LINES)
+
+    def add(self, number: int, part: _Part) -> None:
+        """Takes the part of a stretch; one that comes early waits until those before it have come."""
+        with self._lock:
+            self._early[number] = part
+            ready = []
+            while self._next in self._early:
+                part = self._early.pop(self._next)
+                ready.append((part, self._filled, self._line))
+                self._append(part)
+        for part, begin, line in ready:
+            part.columns[0][:] += line
+            for whole, column in zip(self._columns, part.columns, strict=True):
+                whole[begin : begin + len(column)] = column
+            with self._lock:
+                self._rooms.append([column.base for column in part.columns])
+
+    def _append(self, part: _Part) -> None:
+        part.odd[:, 0] += self._line
+        self._odd.append(part.odd)
+        self._modes += part.modes
+        if self._first_line < 0 <= part.first_line:
+            self._first_line = self._line + part.first_line
+        self._next, self._filled, self._line = (
+            self._next + 1, self._filled + len(part.columns[0]), self._line + part.lines
+        )  # fmt: skip
+        self._foreign |= part.foreign
+
+    def scan(self) -> Scan | None:
+        """All of it, None where the text is foreign."""
+        if self._foreign:
+            return None
+        columns = [column[: self._filled] for column in self._columns]
+        first_line = None if self._first_line < 0 else self._first_line
+        return Scan(columns, np.concatenate(self._odd), self._modes, first_line)
+
+
+def scan_records(text: np.ndarray, start: int, first_line: int, mode: int = EVERY_MODE) -> Scan | None:
+    """The scan of a file's bytes (uint8) from `start` on, where line `first_line` begins.
 
     mode : keep only records of that mode without an edit mark; all are checked and counted nonetheless
-    The text must have one byte a character; stretches run in threads and end where lines end.
+    The text must have one byte a character and lines of Unix; None where a byte tells that it has not. Stretches
+    run in threads and end where lines end.
     """
     safe = _line_start(text, max(len(text) - 2 * MARGIN, start))
-    stretch = max(_CHUNK_BYTES, (safe - start) // (2 * (os.cpu_count() or 1)) + 1)
     cuts = [start]
-    while safe - cuts[-1] > stretch:
-        cuts.append(min(_line_start(text, cuts[-1] + stretch), safe))
+    while safe - cuts[-1] > _STRETCH_BYTES:
+        cuts.append(min(_line_start(text, cuts[-1] + _STRETCH_BYTES), safe))
     if safe > cuts[-1]:
         cuts.append(safe)
-    jobs = [(text, first, last, mode) for first, last in pairwise(cuts)]
-    scans = in_threads(_scan_stretch, jobs)
+    # Pages that nothing is written to take no memory, so there is room for all records to be kept.
+    gathering = _Gathering((len(text) - start) // (COLUMNS + 1) + 1, first_line)
+
+    def work(number: int, first: int, last: int) -> None:
+        gathering.add(number, _scan_stretch(text, first, last, mode, gathering.room()))
+
+    in_threads(work, [(number, *ends) for number, ends in enumerate(pairwise(cuts))])
     tail = np.full(len(text) - safe + MARGIN, ord(" "), dtype=np.uint8)
     tail[: len(text) - safe] = text[safe:]
-    last = _scan_stretch(tail, 0, len(text) - safe, mode)
+    last = _scan_stretch(tail, 0, len(text) - safe, mode, gathering.room())
     last.odd[:, 1] += safe
-    return [*scans, last]
+    gathering.add(len(cuts) - 1, last)
+    return gathering.scan()
+
+
+def _columns(records: int) -> list[np.ndarray]:
+    # made here and not in the kernel: NumPy asks the system for large pages
+    kinds = (np.int32, np.int32, np.float64, np.int16, np.int8, np.bool_)
+    return [np.empty((records, 3) if kind is np.float64 else records, kind) for kind in kinds]
 
 
 def _line_start(text: np.ndarray, place: int) -> int:
@@ -78,17 +150,12 @@ def _line_start(text: np.ndarray, place: int) -> int:
     return place
 
 
-def _scan_stretch(text: np.ndarray, start: int, stop: int, mode: int) -> Scan:
+def _scan_stretch(text: np.ndarray, start: int, stop: int, mode: int, columns: list[np.ndarray]) -> _Part:
     text = text.view()
     text.flags.writeable = False  # as a mapped file is, so that one compilation serves both
     aligned = text[: len(text) // 8 * 8].view(np.uint64)
-    size = (stop - start) // (COLUMNS + 1) + _LINES
-    # made here and not in the kernel: NumPy asks the system for large pages
-    line, count = np.empty(size, np.int32), np.empty(size, np.int32)
-    position, array = np.empty((size, 3)), np.empty(size, np.int16)
-    modes, flagged = np.empty(size, np.int8), np.empty(size, np.bool_)
-    kept, *rest = _scan(text, aligned, start, stop, mode, line, count, position, array, modes, flagged)
-    return Scan(line[:kept], count[:kept], position[:kept], array[:kept], modes[:kept], flagged[:kept], *rest)
+    kept, *rest = _scan(text, aligned, start, stop, mode, *columns)
+    return _Part([column[:kept] for column in columns], *rest)
 
 
 @compiled
@@ -176,11 +243,13 @@ def _is_plain(text, aligned, place, stop, lines, step):
             return False
     first, last = (place + 7) // 8, (place + lines * step) // 8
     found, strange = numba.uint64(0), numba.uint64(0)
-    for k in range(first, last):
-        word = aligned[k]
-        strange |= word
-        controls = (~(word + _TO_HIGH) & _HIGH) >> numba.uint64(7)
-        found += (controls * _ONES) >> numba.uint64(56)
+    for begin in range(first, last, _LANES_HOLD):
+        lanes = numba.uint64(0)
+        for word in aligned[begin : min(begin + _LANES_HOLD, last)]:
+            strange |= word
+            lanes += (~(word + _TO_HIGH) & _HIGH) >> numba.uint64(7)
+        pairs = (lanes & _EVEN) + ((lanes >> numba.uint64(8)) & _EVEN)
+        found += (pairs * _PAIR_ONES) >> numba.uint64(48)
     for k in range(place, 8 * first):
         found += numba.uint64(text[k] < 32)
         strange |= numba.uint64(text[k])
@@ -201,17 +270,41 @@ def _line_end(text, place, stop):
 
 
 @compiled
-def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode, flagged):
-    """Fills the columns of a Scan for the lines from `start` to `stop`, behind which MARGIN more bytes are.
+def _join_faults(faults, wrong, many):
+    """Adds to `wrong` what is wrong with the numbers of each record; whether there is any."""
+    found = False
+    for k in range(many):
+        fault = faults[0, k] | faults[1, k] | faults[2, k] | faults[3, k]
+        wrong[k] |= fault != numba.uint64(0)
+        found |= wrong[k]
+    return found
 
-    Returns how many reports are kept, and the Scan's other fields.
+
+@compiled
+def _pick(modes, marks, wrong, faulty, wanted, many, of_mode, pick):
+    """Counts the good records of each mode, in four rows so that none waits for the last, and lists those to keep."""
+    picked = 0
+    for k in range(many):
+        if faulty and wrong[k]:
+            continue
+        of_mode[k & 3, modes[k]] += 1
+        pick[picked] = k
+        picked += (wanted < 0) | ((modes[k] == wanted) & (marks[k] == _NO_MARK))
+    return picked
+
+
+@compiled
+def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode, flagged):
+    """Fills the columns of a _Part for the lines from `start` to `stop`, behind which MARGIN more bytes are.
+
+    Returns how many reports are kept, and the other fields of a _Part.
     """
     words, faults = np.empty((4, _LINES), np.uint64), np.empty((4, _LINES), np.uint64)
     values, wrong = np.empty((4, _LINES), np.float64), np.empty(_LINES, np.bool_)
     arrays, modes, marks = np.empty(_LINES, np.int64), np.empty(_LINES, np.int64), np.empty(_LINES, np.int64)
     odd, odds = np.empty((16, 3), np.int64), 0
-    of_mode = np.zeros(10, np.int64)
-    kept, lines, good, first, usual, single, foreign = 0, 0, 0, -1, COLUMNS, 0, False
+    of_mode, pick = np.zeros((4, 10), np.int64), np.empty(_LINES, np.int64)
+    kept, lines, first, usual, single, foreign = 0, 0, -1, COLUMNS, 0, False
     place = start
     while place < stop:
         step, many = usual + 1, _LINES
@@ -224,44 +317,29 @@ def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode
             usual, step = max(length, COLUMNS), length + 1
         _take_words(text, place, step, words, wrong[:many], arrays[:many], modes[:many], marks[:many])
         _read_numbers(words.reshape(4 * _LINES), values.reshape(4 * _LINES), faults.reshape(4 * _LINES))
-        for k in range(many):
-            fault = faults[0, k] | faults[1, k] | faults[2, k] | faults[3, k]
-            if fault != numba.uint64(0) or wrong[k] or step <= COLUMNS:
-                if odds == len(odd):
-                    odd = np.concatenate((odd, np.empty_like(odd)))
-                odd[odds, 0], odd[odds, 1], odd[odds, 2] = lines + k, place + k * step, step - 1
-                odds += 1
-                continue
-            good += 1
-            of_mode[modes[k]] += 1
-            if first < 0:
-                first = lines + k
-            line[kept], count[kept] = lines + k, values[0, k]
-            position[kept, 0], position[kept, 1], position[kept, 2] = values[1, k], values[2, k], values[3, k]
-            array[kept], mode[kept], flagged[kept] = arrays[k], modes[k], marks[k] != _NO_MARK
-            kept += (wanted < 0) | ((modes[k] == wanted) & (marks[k] == _NO_MARK))
+        faulty = _join_faults(faults, wrong, many) or step <= COLUMNS
+        if faulty:
+            for k in range(many):
+                if wrong[k] or step <= COLUMNS:
+                    if odds == len(odd):
+                        odd = np.concatenate((odd, np.empty_like(odd)))
+                    odd[odds, 0], odd[odds, 1], odd[odds, 2] = lines + k, place + k * step, step - 1
+                    wrong[k], odds = True, odds + 1
+        picked = _pick(modes, marks, wrong, faulty, wanted, many, of_mode, pick)
+        if first < 0 and odds < lines + many:
+            first = lines + int(np.argmin(wrong[:many]))
+        for j in range(picked):
+            k, to = pick[j], kept + j
+            line[to], count[to] = lines + k, values[0, k]
+            position[to, 0], position[to, 1], position[to, 2] = values[1, k], values[2, k], values[3, k]
+            array[to], mode[to], flagged[to] = arrays[k], modes[k], marks[k] != _NO_MARK
+        kept += picked
         lines += many
         place += many * step
-    return kept, odd[:odds], lines, good, first, of_mode, foreign
-
-
-def first_lines(scans: Sequence[Scan], first_line: int) -> list[int]:
-    """Number of the first line of each stretch, where that of the first stretch is told."""
-    return np.cumsum([first_line, *(scan.lines for scan in scans[:-1])]).tolist()
-
-
-def joined(scans: Sequence[Scan], first_line: int) -> list[np.ndarray]:
-    """Columns of all scans: line, point count, position, array, mode, flag; lines numbered from `first_line`."""
-    for scan, number in zip(scans, first_lines(scans, first_line), strict=True):
-        scan.line[:] += number
-        scan.odd[:, 0] += number
-    filled = [scan for scan in scans if len(scan.line)] or [scans[0]]
-    if len(filled) == 1:
-        return list(filled[0][:6])
-    return in_threads(np.concatenate, [([scan[k] for scan in filled],) for k in range(6)])
+    return kept, odd[:odds], lines, first, of_mode.sum(axis=0), foreign
 
 
 @warms
 def _warm() -> None:
     record = b"  188   49473.6   4294.9    -30.6" + b" " * 30 + b"36  2\n"
-    scan_records(np.frombuffer(record * 10, dtype=np.uint8), 0)
+    scan_records(np.frombuffer(record * 10, dtype=np.uint8), 0, 1)

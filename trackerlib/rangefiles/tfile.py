@@ -17,12 +17,14 @@ import numpy as np
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.reports import PositionReports
 from trackerlib.rangefiles.arrays import parse_date
-from trackerlib.rangefiles.record_scan import COLUMNS, EVERY_MODE, first_lines, joined, scan_records
+from trackerlib.rangefiles.record_scan import COLUMNS, EVERY_MODE, scan_records
 from trackerlib.textfiles import BadRecord, InputError, decode_lines, map_bytes
 
 HEADER_RECORDS = 31
 MAX_HEADER_RECORDS = 1000  # how far a header is looked for
 _HEAD_BYTES = 65_536
+# A record whose columns are shifted is a bad record, not a line of the header.
+NEARLY_RECORD = re.compile(r"\s*\d{1,5}(\s+-?\d{1,6}\.\d){3}\s")
 _CHUNK = 200_000  # lines judged at a time, to bound the memory of a file of millions that are odd
 _BLANK, _POINT, _PLUS, _MINUS, _ZERO, _END_OF_FILE = (ord(c) for c in " .+-0\x1a")
 
@@ -83,7 +85,7 @@ def read_tfile(
 ) -> TFileReading:
     """Reports of a T-file; records that cannot be read are kept apart with their line numbers.
 
-    header_records : how many lines to skip; None takes all before the first that is a position record
+    header_records : how many lines to skip; None takes all before the first that is, or was meant for, a record
     mode : keep only reports of that mode without an edit mark; the others are checked and counted
     Warns of a header count that cuts data off or leaves header in. Raises InputError if the file cannot be
     read, is shorter than its header, or holds no record.
@@ -123,7 +125,8 @@ def _read_plain(content, name, header_records, mode, foreign=False) -> TFileRead
     """The reading of a text of Unix lines in ASCII; None if it is none, unless the caller made it `foreign`."""
     if header_records is None:
         lines = content[:_HEAD_BYTES].decode("latin-1").split("\n", MAX_HEADER_RECORDS)[:MAX_HEADER_RECORDS]
-        header_records = next((n for n, line in enumerate(lines) if _is_record(line)), 0)
+        ends = (n for n, line in enumerate(lines) if _is_record(line) or NEARLY_RECORD.match(line))
+        header_records = next(ends, 0)
     if header_records < 0:
         raise InputError(f"{name}: header count is {header_records}, wanted 0 or more")
     start = _line_place(content, header_records)
@@ -186,14 +189,12 @@ def _read_records(text, start, first_line, mode, foreign) -> _Records | None:
     while len(text) > start and text[-1] == _END_OF_FILE:
         text = text[:-1]
     plain = np.where(text > 127, ord("?"), text).astype(np.uint8) if foreign else text
-    scans = scan_records(plain, start, EVERY_MODE if mode is None else mode)
-    if any(scan.foreign for scan in scans):
+    scan = scan_records(plain, start, first_line, EVERY_MODE if mode is None else mode)
+    if scan is None:
         return None
-    columns = joined(scans, first_line)
-    modes = np.sum([scan.modes for scan in scans], axis=0)
-    seen = [int(scan.first_line) + n for scan, n in zip(scans, first_lines(scans, first_line), strict=True)
-            if scan.first_line >= 0]  # fmt: skip
-    line, values, flagged, bad = judge_lines(text, np.concatenate([scan.odd for scan in scans]))
+    columns, modes = scan.columns, scan.modes
+    seen = [] if scan.first_line is None else [scan.first_line]
+    line, values, flagged, bad = judge_lines(text, scan.odd)
     if len(line):
         seen.append(int(line[0]))
         modes = modes + np.bincount(values[:, 5].astype(np.int64), minlength=len(modes))

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.acoustics.profile import SoundSpeedProfile, gap_notes
 from trackerlib.textfiles import BadRecord, InputError, decode_lines, read_bytes
 
 SPEED_LIMITS = (4300.0, 5700.0)  # of sea water, ft/s
@@ -22,7 +22,7 @@ SPEED_LIMITS = (4300.0, 5700.0)  # of sea water, ft/s
 class VelocityReading:
     """A sound-speed profile as read, with what could not be used."""
 
-    profile: SoundSpeedProfile
+    profile: SoundSpeedProfile  # its notes say where depths have gaps
     bad_records: tuple[BadRecord, ...] = ()
 
 
@@ -59,7 +59,8 @@ def parse_velocity(content: bytes, name: str, speeds: str = "middle") -> Velocit
     if speeds == "middle":
         profile = SoundSpeedProfile.from_layer_middles(np.array(depths), np.array(found), "ft", name)
     else:
-        profile = SoundSpeedProfile(np.array(depths), np.array(found), "ft", name)
+        notes = gap_notes(np.array(depths), "ft")
+        profile = SoundSpeedProfile(np.array(depths), np.array(found), "ft", name, notes)
     return VelocityReading(profile, tuple(bad))
 
 

@@ -38,17 +38,22 @@ def simulate_crossover(
     rng: np.random.Generator,
     noise_ft: float = 1.0,
     wobble_ft: float = 0.0,
+    correlation: float = 0.0,
 ) -> CrossoverSet:
     """What two arrays report of a true track (T, 3) when their clock is off.
 
     arrays : positions (3,) of the two
-    noise_ft : standard deviation of each coordinate of each report, independent
+    noise_ft : standard deviation of each coordinate of each report
     wobble_ft : the vehicle's own wandering, the same in both reports
+    correlation : of a coordinate's noise from one point count to the next; it dies off by this factor a count
     """
     path = track + rng.normal(0, wobble_ft, track.shape)
     offset = truth.at(point_count)[:, None]
     seen = [_reported(path, offset, position, profile) for position in arrays]
-    x, y = (version + rng.normal(0, noise_ft, track.shape) for version in seen)
+    x, y = (
+        version + _hanging_together(rng.normal(0, noise_ft, track.shape), point_count, correlation)
+        for version in seen
+    )
     return CrossoverSet((1, 2), np.asarray(point_count), x, y, source="simulated")
 
 
@@ -58,3 +63,11 @@ def _reported(path, offset, array_position, profile) -> np.ndarray:
     for _ in range(3):  # the direction is that at the reported place; contracts by offset x speed / range
         place = path - offset * stretch(place, array_position, profile).velocity
     return place
+
+
+def _hanging_together(noise: np.ndarray, point_count: np.ndarray, correlation: float) -> np.ndarray:
+    """Independent noise (T, 3) made to repeat itself from count to count, its variance unchanged."""
+    for k in range(1, len(noise) if correlation else 0):
+        kept = correlation ** (point_count[k] - point_count[k - 1])
+        noise[k] = kept * noise[k - 1] + np.sqrt(1 - kept**2) * noise[k]
+    return noise

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.acoustics.profile import SoundSpeedProfile, gap_notes
 from trackerlib.textfiles import InputError, read_lines
 
 SIMULATED = "simulated"  # note of a profile whose file says so in a comment
@@ -52,7 +52,7 @@ def parse_profile_csv(lines: list[str], name: str) -> SoundSpeedProfile:
             f"{name}: found {len(depths)} levels, wanted at least two rows of depth_m, speed_mps"
         )
     simulated = any("simulated" in line.lower() for line in lines if line.lstrip().startswith("#"))
-    notes = (SIMULATED,) if simulated else ()
+    notes = (*((SIMULATED,) if simulated else ()), *gap_notes(np.array(depths), "m"))
     return SoundSpeedProfile(np.array(depths), np.array(speeds), unit="m", name=name, notes=notes)
 
 

@@ -49,6 +49,7 @@ class TimingCorrection:
     mean_square: float  # Ave ||c||^2 [(length/s)^2]
     mean_square_in_time: float  # Ave (t - t0)^2 ||c||^2
     degree: int  # of the smooth course that the test asks for; 1 is a straight line at constant speed
+    in_shadow: int = 0  # of those excluded, points that no direct ray joins to both arrays
     noise_points: int = 0  # that M rests on; the same as `points` unless outliers count for the offset
     separation: np.ndarray | None = None  # (3,) mean gap after correction over its sigma, assumption (14)
     method: str = "report"  # one of METHODS
@@ -141,13 +142,13 @@ def estimate_timing(
     if method not in METHODS or outliers not in OUTLIERS:
         raise ValueError(f"found {method!r}, {outliers!r}; wanted one of {METHODS} and one of {OUTLIERS}")
     c = first.velocity - second.velocity
-    usable = first.reached & second.reached
-    usable = usable if left_out is None else usable & ~left_out
+    reached = first.reached & second.reached
+    usable = reached if left_out is None else reached & ~left_out
     c = np.where(usable[:, None], c, 0.0)
     count = crossover.point_count.astype(float)
     quiet = usable if outliers == "in" else usable & _without_outliers(crossover.gap, c, count, usable)
     keep = quiet if outliers == "out" else usable
-    bare = _corrected(crossover, c, count, keep, quiet, np.eye(3))
+    bare = replace(_corrected(crossover, c, count, keep, quiet, np.eye(3)), in_shadow=int(np.sum(~reached)))
     if method == "report":
         return _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, np.eye(3))
     weight = np.eye(3)
@@ -158,7 +159,7 @@ def estimate_timing(
             return replace(found, method=method)
         weight = np.linalg.inv(found.noise)
         weight = weight / np.trace(weight)
-        bare = _corrected(crossover, c, count, keep, quiet, weight)
+        bare = replace(_corrected(crossover, c, count, keep, quiet, weight), in_shadow=bare.in_shadow)
         if abs(bare.offset_s - before) < 1e-3 * found.sigma_offset_s:
             break
     settled = abs(bare.offset_s - before) < 1e-2 * found.sigma_offset_s

@@ -1,0 +1,109 @@
+"""What opens files in the page: a dialog to drop them in or type their path, and the choice of a campaign's run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import panel as pn
+import panel_material_ui as pmui
+
+from dashboards.opening import UPLOAD_LIMIT_MB
+from dashboards.session import Session
+from trackerlib.textfiles import InputError
+
+WORDS = f"""
+Drop files here or choose them; at most {UPLOAD_LIMIT_MB} MB each. They stay on this machine.
+
+Survey logs (SIO, WHOI), pings (`lat_deg, lon_deg, oneway_s`) or a profile (`depth_m, speed_mps`) as CSV, T-files, array
+tables, VELOCITY.DAT, crossover files, OFFSETS.csv, logs of edited points, session files; recordings (WAV, RF64, FLAC),
+a ship's positions (NMEA 0183, or `utc, lat_deg, lon_deg` as CSV), and stored receiver sessions for the chart.
+"""
+PATH_WORDS = """
+Or type the path of a file on the machine that this program runs on: one of any size, or a **campaign** (JSON or TOML),
+whose days, runs and vehicles can then be chosen in the page's head.
+"""
+
+
+class OpenDialog:
+    """The dialog; `pane` goes into the page."""
+
+    def __init__(self, session: Session):
+        self.session = session
+        self.dropper = pn.widgets.FileDropper(
+            multiple=True,
+            chunk_size=5_000_000,
+            max_file_size=f"{UPLOAD_LIMIT_MB}MB",
+            height=120,
+            sizing_mode="stretch_width",
+        )
+        self.dropper.param.watch(lambda event: self._dropped(event.new or {}), "value")
+        self.path = pmui.TextInput(
+            label="Path of a file or campaign", size="small", sizing_mode="stretch_width", margin=(5, 8)
+        )
+        self.path.param.watch(lambda event: self._typed(), "enter_pressed")
+        button = pmui.Button(label="Open", size="small", variant="outlined", margin=(12, 8))
+        button.on_click(lambda event: self._typed())
+        self.pane = pmui.Dialog(
+            pn.pane.Markdown(WORDS),
+            self.dropper,
+            pn.pane.Markdown(PATH_WORDS),
+            pn.Row(self.path, button, sizing_mode="stretch_width", margin=0),
+            title="Open",
+            width_option="sm",
+            show_close_button=True,
+        )
+
+    def show(self) -> None:
+        """Brings the dialog in sight."""
+        self.pane.open = True
+
+    def _dropped(self, files: dict) -> None:
+        for name, content in files.items():
+            content = content if isinstance(content, bytes) else content.encode()
+            self._try(lambda name=name, content=content: self.session.open_file(name, content))
+        if files:
+            self.dropper.value = {}
+
+    def _typed(self) -> None:
+        if self.path.value_input.strip():
+            self._try(lambda: self.session.open_path(self.path.value_input))
+
+    def _try(self, opened: Callable[[], None]) -> None:
+        """Opens and closes the dialog, or says why not and leaves it."""
+        try:
+            opened()
+            self.pane.open = False
+        except Exception as error:
+            self.session.report(error)
+
+
+class RunChoice:
+    """Day, run and vehicle of a campaign, one for all tabs; hidden while no campaign is open."""
+
+    def __init__(self, session: Session):
+        self.session = session
+        self._quiet = False
+        self.pane = pmui.Select(options={}, size="small", width=320, margin=(2, 8), visible=False)
+        self.pane.param.watch(lambda event: self._choose(event.new), "value")
+        session.param.watch(lambda *events: self.show(), ["campaign", "campaign_run"])
+
+    def show(self) -> None:
+        """Lists the runs of the campaign, the one in sight chosen."""
+        campaign, chosen = self.session.campaign, self.session.campaign_run
+        runs = () if campaign is None else campaign.runs
+        self._quiet = True
+        self.pane.param.update(
+            options={str(one): k for k, one in enumerate(runs)},
+            value=runs.index(chosen) if chosen in runs else None,
+            visible=bool(runs),
+        )
+        self._quiet = False
+
+    def _choose(self, place: int | None) -> None:
+        if self._quiet or place is None:
+            return
+        try:
+            self.session.open_run(self.session.campaign.runs[place])
+        except InputError as error:
+            self.session.report(error)
+            self.show()

@@ -1,0 +1,38 @@
+"""Every run of a campaign, one after the other: one that is no use is told, and the others still run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import TypeVar
+
+from trackerlib.rangefiles.campaign import Campaign, CampaignRun
+from trackerlib.textfiles import InputError
+
+Answer = TypeVar("Answer")
+
+
+def each_run(
+    command: str, campaign: Campaign, work: Callable[[CampaignRun], Answer]
+) -> tuple[list[tuple[CampaignRun, Answer]], list[dict]]:
+    """What `work` makes of every run, and as documents the runs whose files are no use, each with the reason.
+
+    Raises InputError where none is of use.
+    """
+    done, failed = [], []
+    for one in campaign.runs:
+        try:
+            done.append((one, work(one)))
+        except InputError as error:
+            print(f"{command}: {one}: {error}; the other runs go on", file=sys.stderr)
+            failed.append({"day": one.day, "run": one.run, "mode": one.mode, "why": str(error)})
+    if not done:
+        raise InputError(
+            f"campaign {campaign.name}: no run is of use; {campaign.runs[0]}: {failed[0]['why']}"
+        )
+    return done, failed
+
+
+def failures_report(failed: list[dict]) -> list[str]:
+    """The runs that are no use, a line each."""
+    return ["day {day}, run {run}, mode {mode} is no use: {why}".format(**one) for one in failed]

@@ -1,0 +1,75 @@
+"""What is odd about reported positions: asked in words, never mended unasked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackerlib.crossover.pairs import CrossoverSet
+from trackerlib.crossover.survey import ArraySurvey
+
+FEET_PER_METRE = 1 / 0.3048
+FAR_FT = 6000.0  # beyond what a gate lets through
+SELDOM, USUAL = 0.1, 0.5  # shares of reports near their array that make a unit doubtful, and likely
+
+
+def unit_doubts(position: np.ndarray, place: np.ndarray, limit: float, what: str = "T-file") -> list[str]:
+    """A question, where tracks (N, 3) lie near their arrays (N, 3) only if one of the two is in metres.
+
+    place : NaN where an array has no position
+    limit : how far from its array a report may lie, ft
+    what : the file that holds the tracks
+    """
+
+    def near(a: float, b: float) -> float:
+        return float(np.mean(np.linalg.norm(a * position[known] - b * place[known], axis=1) <= limit))
+
+    known = ~np.isnan(place[:, 0])
+    if not known.any() or near(1, 1) > SELDOM:
+        return []
+    doubts = ((what, near(FEET_PER_METRE, 1)), ("array table", near(1, FEET_PER_METRE)))
+    return [
+        f"is the {which} in metres? {share:.0%} of the reports lie within {limit:g} ft of their array if it is, "
+        f"{near(1, 1):.0%} if it is in feet"
+        for which, share in doubts
+        if share > USUAL
+    ]
+
+
+def depth_doubts(position: np.ndarray, number: np.ndarray, place: np.ndarray) -> list[str]:
+    """A question, where targets (N, 3) lie deeper than the arrays that report them, which stand on the sea floor.
+
+    number, place : (N,), (N, 3) of the reporting arrays; NaN where one has no position
+    """
+    below = position[:, 2] < place[:, 2]
+    if not below.any():
+        return []
+    arrays = ", ".join(map(str, np.unique(number[below])))
+    return [
+        f"{below.mean():.1%} of the reports lie deeper than their own array, which stands on the sea floor (arrays "
+        f"{arrays}); their rays go down. Is z a height, negative below the surface?"
+    ]
+
+
+def report_doubts(
+    position: np.ndarray, number: np.ndarray, survey: ArraySurvey, limit: float, what: str = "T-file"
+) -> list[str]:
+    """Both questions about positions (N, 3) that arrays of these numbers (N,) report; some are enough."""
+    row = survey.index_of(number)
+    known = row >= 0
+    known[known] = ~survey.placeholder[row[known]]
+    place = np.full(position.shape, np.nan)
+    place[known] = survey.position[row[known]]
+    return unit_doubts(position, place, limit, what) + depth_doubts(position, number, place)
+
+
+def set_doubts(crossover: CrossoverSet, survey: ArraySurvey) -> list[str]:
+    """What is odd about both versions of a crossover set."""
+    row = survey.index_of(np.array(crossover.pair))
+    unplaced = [
+        f"array {one} is a placeholder in the array table, no surveyed position; the offset means little"
+        for one, where in zip(crossover.pair, row, strict=True)
+        if where >= 0 and survey.placeholder[where]
+    ]
+    position = np.concatenate([crossover.x, crossover.y])
+    number = np.repeat(crossover.pair, crossover.points)
+    return unplaced + report_doubts(position, number, survey, FAR_FT, "crossover file")
