@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from trackerlib.beacon.pairs import START, experiments
-from trackerlib.commands.study import one_row
+from trackerlib.commands.study import rows_by_threads
 from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS, TIME_RMS_S, sail_hexagon
 from trackerlib.simulation.study import StudyPoint, study_points
 
@@ -49,10 +49,11 @@ def peer_seconds(point: StudyPoint) -> float:
 
 def main() -> None:
     points = study_points(methods=("thesis",))
-    for scenario in (0, -1):  # kernels are loaded before the clock starts
-        one_row(points[scenario], 1, SEED, SPEED_MPS)
+    list(
+        rows_by_threads(points[:: len(points) - 1], 1, SEED, SPEED_MPS)
+    )  # kernels are loaded before the clock starts
     begin = time.perf_counter()
-    rows = [one_row(point, TRIALS, SEED, SPEED_MPS) for point in points]
+    rows = list(rows_by_threads(points, TRIALS, SEED, SPEED_MPS))
     own = time.perf_counter() - begin
     sample = [point for point in points[:: len(points) // SAMPLE] if point.experiments > 6]
     peer = np.mean([peer_seconds(point) for point in sample]) * len(points) * TRIALS

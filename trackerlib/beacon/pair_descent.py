@@ -28,22 +28,34 @@ FAST = {"reassoc", "contract", "arcp", "nsz"}  # NaN and infinity keep their mea
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
 def fix_all(
-    ship, ranges, epochs, pairs, gps_variance, range_variance, start, limits, threads,
-    estimate, covariance, misfit, converged, iterations,
+    ship, ranges, epochs, pairs, gps_variance, range_variance, start, limits,
+    estimate, covariance, misfit, converged, iterations, threads,
 ):  # fmt: skip
-    """Fixes of all surveys into the last five arrays; the others as `fix_pairs` has checked them."""
+    """Fixes of all surveys into the last arrays, by threads; the others as `fix_pairs` has checked them."""
     surveys = len(ship)
     chunks = min(surveys, 8 * threads)
     for chunk in numba.prange(chunks):
-        work, scratch = _rows(epochs, pairs), _scratch(len(start))
-        place = np.zeros(len(start)), np.zeros((len(start), len(start)))
-        columns, linear = _columns(epochs, len(start) == 6), _scratch(MOVING_COLUMNS)
-        for k in range(chunk * surveys // chunks, (chunk + 1) * surveys // chunks):
-            _gather(ship[k], ranges[k], pairs, work)
-            misfit[k], iterations[k], converged[k] = _best_descent(
-                ship[k], ranges[k], len(pairs), start, work, gps_variance, range_variance, limits,
-                scratch, place, columns, linear, estimate[k], covariance[k],
-            )  # fmt: skip
+        fix_some(
+            ship, ranges, epochs, pairs, gps_variance, range_variance, start, limits, estimate, covariance, misfit,
+            converged, iterations, chunk * surveys // chunks, (chunk + 1) * surveys // chunks,
+        )  # fmt: skip
+
+
+@compiled
+def fix_some(
+    ship, ranges, epochs, pairs, gps_variance, range_variance, start, limits,
+    estimate, covariance, misfit, converged, iterations, first, last,
+):  # fmt: skip
+    """The same of surveys first to last, by this thread alone."""
+    work, scratch = _rows(epochs, pairs), _scratch(len(start))
+    place = np.zeros(len(start)), np.zeros((len(start), len(start)))
+    columns, linear = _columns(epochs, len(start) == 6), _scratch(MOVING_COLUMNS)
+    for k in range(first, last):
+        _gather(ship[k], ranges[k], pairs, work)
+        misfit[k], iterations[k], converged[k] = _best_descent(
+            ship[k], ranges[k], len(pairs), start, work, gps_variance, range_variance, limits,
+            scratch, place, columns, linear, estimate[k], covariance[k],
+        )  # fmt: skip
 
 
 @compiled

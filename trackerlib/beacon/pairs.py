@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from trackerlib.beacon.pair_descent import fix_all
+from trackerlib.beacon.pair_descent import fix_all, fix_some
 from trackerlib.compiled import warms
 
 START = (0.0, 0.0, -2500.0)  # (4-6), (4-7)
@@ -125,11 +125,16 @@ def fix_pairs(
         np.zeros(surveys, np.int64),
     )
     if len(pairs) > unknowns:
-        fix_all(
+        threads = numba.get_num_threads()
+        told = (
             ship, ranges, epochs, pairs, float(gps_rms_m) ** 2, float(range_rms_m) ** 2, first,
-            (box or SearchBox()).limits(unknowns), numba.get_num_threads(), fixes.estimate, fixes.covariance,
-            fixes.misfit, fixes.converged, fixes.iterations,
+            (box or SearchBox()).limits(unknowns), fixes.estimate, fixes.covariance, fixes.misfit, fixes.converged,
+            fixes.iterations,
         )  # fmt: skip
+        if threads > 1:
+            fix_all(*told, threads)
+        else:
+            fix_some(*told, 0, surveys)
     return fixes
 
 

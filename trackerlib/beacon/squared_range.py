@@ -127,7 +127,7 @@ def fix_squared_range(
     surveys, unknowns = len(ship), MOVING if moving else STILL
     estimate, covariance = np.empty((surveys, unknowns)), np.empty((surveys, unknowns, unknowns))
     why, passes = np.empty(surveys, np.int64), np.empty(surveys, np.int64)
-    fix = _fix_all if surveys > 1 else _fix_alone
+    fix = _fix_all if surveys > 1 and numba.get_num_threads() > 1 else _fix_alone
     fix(
         ship, ranges, epochs, noise, neighbours, float(correlation_s), DRAWS[unknowns],
         estimate, covariance, why, passes,

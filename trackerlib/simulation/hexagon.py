@@ -238,7 +238,7 @@ def run_trials(receptions: Receptions, gps_rms_m: float, trials: int, seed: int)
     )
 
 
-@lru_cache(maxsize=1)  # the points of a sweep share it
+@lru_cache(maxsize=2)  # the points of a sweep share it
 def _noise(trials: int, seed: int, receptions: int) -> np.ndarray:
     """Standard errors (3, trials, receptions) east, north and in range; more receptions leave the first as they are."""
     drawn = np.random.default_rng(seed).standard_normal((receptions, trials, 3))
