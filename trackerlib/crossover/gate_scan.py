@@ -14,6 +14,7 @@ import numpy as np
 from trackerlib.compiled import compiled, in_threads, warms
 
 ALONE, UNPLACED, TOO_FAR, ALONE_IN_RANGE, KEPT = range(5)  # where a report ends
+_BEYOND = 1 << 40  # above any row
 _FEWEST = 50_000  # reports for which a thread of its own is worth its start
 
 
@@ -29,7 +30,8 @@ def judge_reports(
     verdict = np.empty(len(point_count), dtype=np.uint8)
     columns = (point_count, array, position, place, limit)
     jobs = [(*columns, a, b, verdict) for a, b in _stretches(point_count)]
-    return verdict, np.sum(in_threads(_judge, jobs), axis=0)
+    in_threads(_judge, jobs)
+    return verdict, np.array([np.count_nonzero(verdict == ends) for ends in range(5)])
 
 
 def match_pairs(point_count: np.ndarray, array: np.ndarray, arrays: int) -> tuple[np.ndarray, np.ndarray]:
@@ -66,35 +68,40 @@ def _group_end(point_count, start, stop):
 
 
 @compiled
+def _judge_ranges(array, position, place, limit, verdict):
+    """Fills UNPLACED, TOO_FAR or KEPT: without a branch, as which way it would go cannot be foreseen."""
+    for k in range(len(verdict)):
+        row = np.uint64(array[k])
+        x, y, z = (
+            position[k, 0] - place[row, 0],
+            position[k, 1] - place[row, 1],
+            position[k, 2] - place[row, 2],
+        )
+        square = x * x + y * y + z * z
+        verdict[k] = UNPLACED + (square == square) + 2 * (math.sqrt(square) <= limit)
+
+
+@compiled
 def _judge(point_count, array, position, place, limit, first, stop, verdict):
-    counts = np.zeros(5, np.int64)
-    start = first
-    while start < stop:
-        end = _group_end(point_count, start, stop)
-        alone = True
-        for k in range(start + 1, end):
-            alone &= array[k] == array[start]
-        nearest, several = -1, False
-        for k in range(start, end):
-            ends = ALONE
-            if not alone:
-                row, square = array[k], 0.0
-                for axis in range(3):
-                    square += (position[k, axis] - place[row, axis]) ** 2
-                ends = KEPT if math.sqrt(square) <= limit else UNPLACED if math.isnan(square) else TOO_FAR
-                if ends == KEPT:
-                    several |= nearest >= 0 and nearest != row
-                    nearest = row
-            verdict[k] = ends
-            counts[ends] += 1
-        if nearest >= 0 and not several:
+    point_count, array, verdict = point_count[first:stop], array[first:stop], verdict[first:stop]
+    _judge_ranges(array, position[first:stop], place, limit, verdict)
+    size, start = np.uint64(len(verdict)), np.uint64(0)
+    while start < size:
+        one, end = point_count[start], start
+        low = kept_low = np.int64(_BEYOND)
+        high = kept_high = np.int64(-1)
+        while end < size and point_count[end] == one:
+            row = np.int64(array[end])
+            near = verdict[end] == KEPT
+            low, high = min(low, row), max(high, row)
+            kept_low, kept_high = min(kept_low, row if near else _BEYOND), max(kept_high, row if near else -1)
+            end += np.uint64(1)
+        if low == high:
+            verdict[start:end] = ALONE
+        elif kept_low == kept_high:
             for k in range(start, end):
-                if verdict[k] == KEPT:
-                    verdict[k] = ALONE_IN_RANGE
-                    counts[KEPT] -= 1
-                    counts[ALONE_IN_RANGE] += 1
+                verdict[k] -= verdict[k] == KEPT
         start = end
-    return counts
 
 
 @compiled
