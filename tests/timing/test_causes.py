@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.acoustics.rays import fit_rays
 from trackerlib.crossover.gating import gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
@@ -111,6 +112,112 @@ def test_patterns_are_those_of_the_rays():
     value, sigma = estimate(ranking.best, "azimuth (rad)")
     assert abs(value + 1e-3) < 4 * sigma
     assert clean.best.name != ranking.best.name
+
+
+STEPS = np.eye(2)[..., None]
+
+
+def told_in_other_water(track, place, true, assumed, raised=0.0):
+    """Where an array puts a track (T, 3) that follows its rays back through an assumed profile; by Newton's method.
+
+    raised : what it adds to every elevation
+    """
+    level = track[:, :2] - place[:2]
+    goal = seen(np.hypot(*level.T), track[:, 2], place, true)
+    goal[0] += raised
+    at = np.stack([np.hypot(*level.T), track[:, 2]])
+    for _ in range(6):
+        miss = seen(*at, place, assumed) - goal
+        ways = [seen(*(at + step), place, assumed) - seen(*(at - step), place, assumed) for step in STEPS]
+        slopes = np.stack(ways, axis=-1) / 2
+        at = at - np.linalg.solve(slopes.swapaxes(0, 1), miss.T[..., None])[..., 0].T
+    return np.column_stack([place[:2] + level * (at[0] / np.hypot(*level.T))[:, None], at[1]])
+
+
+def seen(horizontal, height, place, profile):
+    rays = fit_rays(profile, horizontal, -height, -place[2])
+    return np.stack([rays.elevation_array, rays.travel_time])
+
+
+def in_other_water(sets, water):
+    """The same sets, reported in a water that the analyst does not know: water(point count, downrange)."""
+    changed = []
+    for one in sets:
+        true = water(np.mean(one.point_count), np.mean(one.x[:, 0]))
+        x, y = (
+            told_in_other_water(version, np.array(PLACES[array]), true, PROFILE)
+            for array, version in zip(one.pair, (one.x, one.y), strict=True)
+        )
+        changed.append(CrossoverSet(one.pair, one.point_count, x, y, one.pass_number, source="simulated"))
+    return changed
+
+
+def scaled(share):
+    return SoundSpeedProfile(DEPTH, PROFILE.speed * (1 + share))
+
+
+MEAN_COUNT, MEAN_DOWNRANGE = 1250.0, 4000.0
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "value", "water"),
+    [
+        ("scale of sound speed", "scale", 2e-3, lambda count, downrange: scaled(2e-3)),
+        (
+            "gradient of sound speed", "gradient (1/s)", 0.03,
+            lambda count, downrange: SoundSpeedProfile(DEPTH, PROFILE.speed + 0.03 * (DEPTH - 850.0)),
+        ),
+        (
+            "sound speed changing in time", "scale per count", 2e-6,
+            lambda count, downrange: scaled(2e-6 * (count - MEAN_COUNT)),
+        ),
+        (
+            "sound speed changing along the range", "scale per length", 1e-6,
+            lambda count, downrange: scaled(1e-6 * (downrange - MEAN_DOWNRANGE)),
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_the_water_is_named(name, parameter, value, water):
+    sets = run(np.random.default_rng(8))
+    ranking = compare_causes(in_other_water(sets, water), survey(), PROFILE, pairs=False)
+    assert ranking.best.name == name
+    found, sigma = estimate(ranking.best, parameter)
+    assert abs(found - value) < max(4 * sigma, 0.1 * value)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "axis"),
+    [
+        ("rotation of array 3", "about downrange (rad)", [1.0, 0, 0]),
+        ("rotation of array 3", "about crossrange (rad)", [0, 1.0, 0]),
+    ],
+)
+def test_a_tilted_array_is_named_and_its_tilt_found(name, parameter, axis):
+    tilted = []
+    for one in run(np.random.default_rng(9)):
+        x, y = (
+            version + 3e-3 * np.cross(axis, version - np.array(PLACES[array])) * (array == 3)
+            for array, version in zip(one.pair, (one.x, one.y), strict=True)
+        )
+        tilted.append(CrossoverSet(one.pair, one.point_count, x, y, one.pass_number, source="simulated"))
+    ranking = compare_causes(tilted, survey(), PROFILE, pairs=False)
+    assert ranking.best.name == name
+    found, sigma = estimate(ranking.best, parameter)
+    assert abs(found + 3e-3) < 4 * sigma
+
+
+def test_a_bias_of_the_elevations_is_named():
+    biased = []
+    for one in run(np.random.default_rng(10)):
+        x, y = (
+            told_in_other_water(version, np.array(PLACES[array]), PROFILE, PROFILE, 2e-3 * (array == 2))
+            for array, version in zip(one.pair, (one.x, one.y), strict=True)
+        )
+        biased.append(CrossoverSet(one.pair, one.point_count, x, y, one.pass_number, source="simulated"))
+    ranking = compare_causes(biased, survey(), PROFILE, pairs=False)
+    assert ranking.best.name == "elevation bias of array 2"
+    found, sigma = estimate(ranking.best, "elevation (rad)")
+    assert abs(found + 2e-3) < 4 * sigma
 
 
 def test_one_set_cannot_tell_which_of_two_arrays_is_displaced():
