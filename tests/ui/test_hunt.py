@@ -22,7 +22,7 @@ FOLLOWED = re.compile(r"(\d+) pings followed")
 
 
 def choose_source(page, name):
-    page.locator(".MuiSelect-select, [role=combobox]").first.click()
+    page.locator(".MuiSelect-select:visible").first.click()  # the head has others, hidden
     page.locator("li, [role=option]").filter(has_text=name).first.click()
 
 
