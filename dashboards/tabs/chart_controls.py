@@ -9,6 +9,7 @@ from dashboards.pictures.wet_paper import LOOKS
 from dashboards.session import SPEEDS, Session
 from dashboards.tabs.chart_live import HUNTS
 from dashboards.tabs.tab import choice, number
+from trackerlib.acoustics.ambient_noise import LIMIT, SCALE, table_5_1
 from trackerlib.live.receiver_poller import PollingSettings
 from trackerlib.receiver.chart import ChartSettings
 from trackerlib.receiver.front_end import ATTENUATIONS_DB, Attenuator
@@ -24,10 +25,15 @@ SOURCES = {
     "Receiver on its line": RECEIVER,
     "Stored receiver session": STORED,
 }
-SEA_STATES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 NUDGE_S = 1e-4
 COLUMNS = 1000
 USUAL_THRESHOLD = 120
+
+
+def sea_states() -> dict[str, float | str]:
+    """Every whole number between the first and the last row of Table 5-1, and its "limit"."""
+    rows = [int(row[0]) for row in table_5_1() if row[0] != LIMIT]
+    return {str(state): float(state) for state in range(rows[0], rows[-1] + 1)} | {LIMIT: LIMIT}
 
 
 def _button(label: str, **options):
@@ -66,7 +72,7 @@ class ChartControls:
             "Recording began (UTC)", "2024-05-01T12:34:56.5; empty: as its head or its name tells"
         )
         self.seed = number("Seed", 1, "Of noise, pings not sent and GPS errors of the simulated hunt")
-        self.sea_state = choice("Sea state", {f"{state:g}": state for state in SEA_STATES}, 3.0)
+        self.sea_state = choice(SCALE[0].upper() + SCALE[1:], sea_states(), 3.0)
         self.simulate = _button("Simulate and hear", variant="contained")
         tip = "Serial device such as /dev/ttyUSB0 or COM3, or tcp:HOST:PORT"
         self.address, self.connect = _path("Device or address", tip), _button("Connect", variant="contained")
@@ -80,7 +86,8 @@ class ChartControls:
                 self.path, self.open_path, self.navigation, self.began, self.open_navigation, margin=0
             ),
             SIMULATION: pn.Column(
-                pn.Row(self.seed, self.sea_state, margin=0),
+                self.seed,
+                self.sea_state,
                 self.simulate,
                 margin=0,
                 sizing_mode="stretch_width",

@@ -18,6 +18,7 @@ from trackerlib.receiver.recording_start import instant_in
 from trackerlib.receiver.report_receiver import ReceiverSettings
 from trackerlib.receiver.rolls import NO_FIXES, MarkRoll, SoundRoll
 from trackerlib.simulation.hunt_sound import HuntSound, simulate_hunt_sound
+from trackerlib.textfiles import InputError
 
 SHOW_EVERY_S = 0.2  # of progress told
 MODERN_FULL_SCALE = 0.1  # darkest, so that both detectors' levels of a usual recording are alike
@@ -104,13 +105,16 @@ class RecordedSound(SoundSource):
 
 
 class SimulatedHuntSound(SoundSource):
-    """SIMULATED sound of a ship that passes a beacon twice."""
+    """SIMULATED sound of a ship that passes a beacon twice. Raises InputError for a setting that makes no sense."""
 
     simulated = True
 
-    def __init__(self, seed: int, sea_state: float, **options):
+    def __init__(self, seed: int, sea_state: float | str, **options):
         super().__init__()
-        self.hunt: HuntSound = simulate_hunt_sound(seed, sea_state=sea_state, **options)
+        try:
+            self.hunt: HuntSound = simulate_hunt_sound(seed, sea_state=sea_state, **options)
+        except ValueError as error:
+            raise InputError(f"the sound cannot be simulated: {error}") from None
         self.name, self.rate_hz, self.seconds = self.hunt.name, self.hunt.rate_hz, self.hunt.seconds
         self.truth, self.fixes = self.hunt.truth, self.hunt.fixes
 

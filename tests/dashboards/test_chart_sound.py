@@ -11,9 +11,11 @@ import soundfile
 from dashboards.opening import binary_kind
 from dashboards.session import Session
 from dashboards.tabs.chart import ChartTab
-from dashboards.tabs.chart_controls import ChartControls
+from dashboards.tabs.chart_controls import ChartControls, sea_states
 from dashboards.tabs.chart_export import folded_signal
 from dashboards.tabs.chart_marks import TraceMarks
+from dashboards.tabs.chart_sources import SimulatedHuntSound
+from trackerlib.acoustics.ambient_noise import LIMIT, ambient_noise_db, equivalent_noise_v
 from trackerlib.frames import LocalFrame
 from trackerlib.receiver.arrivals import Arrivals
 from trackerlib.receiver.chart import ChartSettings
@@ -64,6 +66,26 @@ def test_simulated_sound_lies_on_the_paper_and_says_what_it_is(tab):
     assert len(tab.strip.source.data["line"]) == 500
     assert np.nanmedian(tab.strip.source.data["snr_db"]) > 20
     assert tab.strip.missed < 50
+
+
+@pytest.mark.parametrize("name", sea_states())
+def test_every_sea_state_of_the_menu_can_be_simulated(name):
+    controls = ChartControls(Session())
+    assert "Table 5-1" in controls.sea_state.label
+    controls.sea_state.value = controls.sea_state.options[name]
+    sound = SimulatedHuntSound(1, controls.sea_state.value)
+    assert sound.name.endswith(f"sea state {name}")
+    wanted = equivalent_noise_v(ambient_noise_db(LIMIT if name == LIMIT else float(name)))
+    assert wanted < sound.hunt.density_v < 1.5 * wanted + 100e-9
+
+
+def test_a_sea_state_outside_the_table_is_told_in_words():
+    tab = ChartTab(session=Session())
+    tab.controls_.sea_state.options = {"0": 0.0}
+    tab.controls_.sea_state.value = 0.0
+    tab.controls_.simulate.clicks += 1
+    assert tab.session.failed
+    assert "cannot be simulated: sea_state is 0.0; wanted 1 to 8" in tab.session.message
 
 
 def test_a_hyperbola_through_the_marks_is_that_of_the_beacon(tab):

@@ -59,7 +59,7 @@ class HuntSound:
 def simulate_hunt_sound(
     seed: int = 0,
     *,
-    sea_state: float = 3.0,
+    sea_state: float | str = 3.0,
     speed_mps: float = 5.0,
     rate_hz: int = 48_000,
     gps_rms_m: float = 3.0,
@@ -68,6 +68,7 @@ def simulate_hunt_sound(
 ) -> HuntSound:
     """A hunt of two legs at right speed, the second a turn from the end of the first.
 
+    sea_state : of acoustics.ambient_noise.SCALE, or "limit"; ValueError outside of it
     missing : share of the pings that are not sent; pinger : what else it is like, its place aside
     """
     rng = np.random.default_rng(seed)
@@ -101,7 +102,7 @@ def simulate_hunt_sound(
         sea.sound_speed_mps,
         gps_rms_m,
         HYDROPHONE_M,
-        f"simulated hunt {seed}, sea state {sea_state:g}",
+        f"simulated hunt {seed}, sea state {sea_state if isinstance(sea_state, str) else format(sea_state, 'g')}",
     )
 
 
