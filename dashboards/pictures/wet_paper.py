@@ -14,6 +14,8 @@ from dashboards.pictures.legend import legend_entry, style_legend
 STRIP = 50  # lines a strip; cost a line does not depend on how many strips there are
 LOOKS = {"paper": paper_colours(), "grey": list(reversed(Greys256)), "colour": list(Cividis256)}
 LEAST_SHOWN = 60  # lines that the paper is high at least
+NEAR_LINES = 0.5  # short of the newest line, at which a view still stands at it
+VIEW = 500  # newest lines in sight unless one zooms; the others are reached by scrolling back
 ARRIVAL_COLUMNS = ("x", "y", "line", "ms", "level", "snr_db", "row")
 
 # The line under the pointer, looked up in the values beside the paper: all in the browser.
@@ -126,8 +128,11 @@ class WetPaper:
         self._paper = np.zeros((self.strips, STRIP, self.columns), np.uint8)
         self._top = [0.0] * self.strips
 
-    def clear(self, interval_s: float, first: int = 0) -> None:
-        """Empty paper of that many seconds across, whose next line has the number `first`."""
+    def clear(self, interval_s: float, first: int = 0, keep_view: bool = False) -> None:
+        """Empty paper of that many seconds across, whose next line has the number `first`.
+
+        keep_view : the same lines come again, and a view scrolled back shall find them where they were
+        """
         self.first = self.count = first
         self._paper[:] = 0
         block = first // STRIP  # strips are laid from here on; the others wait above the paper, bare
@@ -144,7 +149,8 @@ class WetPaper:
         }
         self.arrivals.data = {name: np.empty(0) for name in ARRIVAL_COLUMNS}
         self.rule.data = {"y": []}
-        self._follow()
+        if not keep_view:
+            self._stand_at_the_newest()
 
     def add(self, lines: np.ndarray) -> None:
         """Adds lines (N, columns) at the bottom; nothing is sent before `flush`."""
@@ -212,8 +218,29 @@ class WetPaper:
         self._curve_entry.visible = bool(len(x))
         self.hyperbola.data = {"x": np.asarray(x, float), "y": np.asarray(line, float) + 0.5}
 
-    def _follow(self) -> None:
-        """Keeps the newest line in sight; the paper above stays reachable by scrolling back."""
+    def _newest(self) -> tuple[float, float]:
+        """Bottom and top of the view that stands at the newest line."""
         bottom = float(max(self.count, self.first + LEAST_SHOWN))
-        top = float(max(self.first, bottom - self.history))
+        return bottom, max(float(self.first), bottom - VIEW)
+
+    def _stand_at_the_newest(self) -> None:
+        bottom, top = self._newest()
+        self._stood = bottom, top
         self.lines.update(start=bottom, end=top, reset_start=bottom, reset_end=top)
+
+    def _follow(self) -> None:
+        """Keeps the newest line in sight, at the height that was chosen; a view scrolled back stays on its lines."""
+        view, (bottom, top) = self.lines, self._newest()
+        height, usual = view.start - view.end, self._stood[0] - self._stood[1]
+        if view.start < self._stood[0] - NEAR_LINES:  # scrolled back
+            down = max(self.first - view.end, 0.0)
+        elif abs(height - usual) > NEAR_LINES:  # zoomed, and at the newest line
+            down = bottom - view.start
+        else:
+            self._stand_at_the_newest()
+            return
+        if view.start + down > bottom:  # what was looked at is not kept any more
+            self._stand_at_the_newest()
+            return
+        self._stood = bottom, top
+        view.update(start=view.start + down, end=view.end + down, reset_start=bottom, reset_end=top)

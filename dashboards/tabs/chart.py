@@ -76,6 +76,7 @@ class ChartTab(Inputs, TraceActions, Tab):
         self.files = ChartFiles(self.session, self._on_paper)
         self.beside = Beside(self.session, self._type)
         self.roll: Roll | None = None
+        self._drawn: Roll | None = None  # what lies on the paper
         self.sound: SoundSource | None = None
         self._rolls: dict[str, Roll] = {}  # of each kind of source, so that a look at another loses nothing
         self._sounds: dict[str, SoundSource] = {}
@@ -220,12 +221,14 @@ class ChartTab(Inputs, TraceActions, Tab):
         if self.roll is None:
             self.paper.clear(self.settings.interval_s)
             self.strip.clear()
+            self._drawn = None
             return
         first, stop, history = self.paper.count, self._stop(), self.paper.history
         if again or stop < first or stop - first > history:
             first = max(stop - history, 0)
-            self.paper.clear(self.settings.interval_s, first)
+            self.paper.clear(self.settings.interval_s, first, stop > first and self._drawn is self.roll)
             self.strip.clear()
+        self._drawn = self.roll
         if stop <= first:
             return
         roll, settings = self.roll, self.settings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashboards.pictures.wet_paper import STRIP, WetPaper
+from dashboards.pictures.wet_paper import STRIP, VIEW, WetPaper
 from dashboards.session import Session
 from dashboards.tabs.chart import ChartTab
 from trackerlib.receiver.chart import ChartSettings, chart_lines
@@ -55,6 +55,49 @@ def test_lines_patched_one_by_one_are_the_same_paper():
 def test_the_newest_line_is_at_the_bottom(tab):
     assert tab.paper.lines.start == len(tab.session.pings)  # start of a range is drawn at the bottom
     assert tab.paper.lines.end < tab.paper.lines.start
+
+
+def feed(paper, count):
+    for _ in range(count):
+        paper.add(np.zeros((1, paper.columns), np.uint8))
+        paper.flush()
+
+
+def test_a_view_scrolled_back_stays_while_lines_come_and_every_kept_line_can_be_reached():
+    paper = WetPaper(20, history=1000)
+    feed(paper, 800)
+    assert (paper.lines.start, paper.lines.end) == (800, 800 - VIEW)
+    paper.lines.update(start=400.0, end=100.0)  # as a drag in the browser does
+    feed(paper, 30)
+    assert (paper.lines.start, paper.lines.end) == (400, 100)
+    assert (paper.lines.reset_start, paper.lines.reset_end) == (830, 830 - VIEW)
+    paper.lines.update(start=300.0, end=0.0)  # the oldest line that is kept
+    feed(paper, 170)
+    assert (paper.first, paper.lines.end) == (0, 0)
+    feed(paper, 50)  # and the view goes along with the oldest when it is let go
+    assert (paper.first, paper.lines.start, paper.lines.end) == (50, 350, 50)
+    paper.lines.update(start=1050.0, end=550.0)
+    feed(paper, 1)
+    assert (paper.lines.start, paper.lines.end) == (1051, 1051 - VIEW)
+
+
+def test_a_zoomed_view_at_the_newest_line_follows_at_its_height():
+    paper = WetPaper(20, history=1000)
+    feed(paper, 300)
+    paper.lines.update(start=300.0, end=220.0)
+    feed(paper, 20)
+    assert (paper.lines.start, paper.lines.end) == (320, 240)
+    paper.clear(2.0)
+    feed(paper, 10)
+    assert (paper.lines.start, paper.lines.end) == (60, 0)
+
+
+def test_folding_again_leaves_a_view_scrolled_back_where_it_was(tab):
+    tab.paper.lines.update(start=200.0, end=120.0)
+    tab._nudge(1e-3)
+    assert (tab.paper.lines.start, tab.paper.lines.end) == (200, 120)
+    tab.session.heard = 40  # bare paper there
+    assert (tab.paper.lines.start, tab.paper.lines.end) == (60, 0)
 
 
 def test_the_replay_adds_lines_and_going_back_draws_again(tab):
