@@ -35,7 +35,6 @@ from dashboards.tabs.chart_words import (
     bearing_words,
     paper_words,
     pass_words,
-    receiver_words,
 )
 from dashboards.tabs.tab import Tab, alone, drawn, heading
 from trackerlib.exports.paper_print import PaperPrint
@@ -294,8 +293,7 @@ class ChartTab(Inputs, TraceActions, Tab):
         if self.kind == RECEIVER:
             label, icon = ("Hold", "pause") if not math.isfinite(self._clock_s) else ("Go on", "play_arrow")
         self.controls_.play.param.update(label=label, icon=icon)
-        status = self.live.status
-        self.controls_.connect.label = "Connect" if status is None else "Disconnect"
+        self.controls_.connect.label = "Connect" if self.live.receiver is None else "Disconnect"
         self.controls_.emulate.label = "Start emulator" if self.live.emulator is None else "Stop emulator"
         text = EMPTY[self.kind]
         if roll is not None:
@@ -308,12 +306,7 @@ class ChartTab(Inputs, TraceActions, Tab):
                 for note in notes
             )
         self.words.object = text
-        self.status_words.visible = self.kind == RECEIVER
-        if self.kind == RECEIVER:
-            kept = "" if self.live.file is None or status is None else str(self.live.file)
-            self.status_words.object = receiver_words(
-                status, len(self.live.followed[0]), self.live.unplaced, kept
-            )
+        self._tell_line()
         self.pass_words.object = pass_words(self.marks.found, len(self.marks.marks), self._when())
         self.bearing_words.object = bearing_words(self.map.bearings.fix, len(session.bearing_lines))
 

@@ -77,6 +77,8 @@ class ChartControls:
         tip = "Serial device such as /dev/ttyUSB0 or COM3, or tcp:HOST:PORT"
         self.address, self.connect = _path("Device or address", tip), _button("Connect", variant="contained")
         self.emulate = _button("Start emulator")
+        tip = "Serial device (ttyUSB1@4800 tells its rate), tcp:HOST:PORT or udp:PORT; empty: the receiver's own line"
+        self.positions = _path("Positions from", tip)
         self.stored, self.open_stored = (
             _path("Stored session on this machine", "A .session file"), _button("Open")
         )  # fmt: skip
@@ -92,7 +94,9 @@ class ChartControls:
                 margin=0,
                 sizing_mode="stretch_width",
             ),
-            RECEIVER: pn.Column(self.address, pn.Row(self.connect, self.emulate, margin=0), margin=0),
+            RECEIVER: pn.Column(
+                self.address, self.positions, pn.Row(self.connect, self.emulate, margin=0), margin=0
+            ),
             STORED: pn.Column(self.stored, self.open_stored, margin=0),
         }
         self.where = pn.Column(*self._where.values(), margin=0, sizing_mode="stretch_width")

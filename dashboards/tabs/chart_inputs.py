@@ -10,7 +10,7 @@ import numpy as np
 from dashboards.jobs import Cancelled
 from dashboards.tabs.chart_controls import RECEIVER, RECORDING, SIMULATION, STORED, SURVEY
 from dashboards.tabs.chart_sources import RecordedSound, SimulatedHuntSound, stored_hunt
-from dashboards.tabs.chart_words import position_notes
+from dashboards.tabs.chart_words import feed_words, position_notes, receiver_words
 from trackerlib.live.navigation_file import BeginUnknown, read_navigation_file
 from trackerlib.receiver.recording_start import instant_in
 from trackerlib.textfiles import InputError, decode_lines, read_bytes
@@ -204,10 +204,25 @@ class Inputs:
             return
         self.live.threshold, self.live.feeding = self.threshold, c.feed.value
         self.live.connect(
-            c.address.value, c.line_settings(), self.session.fold_s, c.rate.value or 1.0, c.folder.value
+            c.address.value,
+            c.line_settings(),
+            self.session.fold_s,
+            c.rate.value or 1.0,
+            c.folder.value,
+            c.positions.value,
         )
         self.roll = self._rolls[RECEIVER] = self.live.roll
         self._redraw()
+
+    def _tell_line(self) -> None:
+        """How the receiver on its line does, and the line of positions beside it."""
+        self.status_words.visible = self.kind == RECEIVER
+        if self.kind == RECEIVER:
+            live, status = self.live, self.live.status
+            kept = "" if live.file is None or status is None else str(live.file)
+            words = receiver_words(status, len(live.followed[0]), live.unplaced, kept)
+            feed = live.feed_status
+            self.status_words.object = words if feed is None else f"{words}<br>{feed_words(feed)}"
 
     # -- the receiver's menus ------------------------------------------------------------------
 

@@ -14,7 +14,9 @@ import numpy as np
 from dashboards.session import Session
 from trackerlib.beacon.navigation import NavigationFixes, ship_at_receptions
 from trackerlib.beacon.pings import Ping
-from trackerlib.live.ports import PortError, open_port
+from trackerlib.live.navigation_feed import FeedStatus, NavigationFeed
+from trackerlib.live.navigation_stream import Fix
+from trackerlib.live.ports import Port, PortError, open_port
 from trackerlib.live.raw_log import RawLog
 from trackerlib.live.receiver_poller import PollingSettings
 from trackerlib.live.receiver_session import ReceiverSession, SessionStatus, WallClock
@@ -67,6 +69,14 @@ def start_emulator(scenario: int, rate: float, seed: int = 0, port: int = 0) -> 
     return Emulator(served, hunt, rate)
 
 
+def named_port(where: str) -> Port:
+    """The port that a person named, not yet opened. Raises InputError."""
+    try:
+        return open_port(where.strip())
+    except PortError as error:
+        raise InputError(str(error)) from None
+
+
 @dataclass
 class _Following:
     """What is known of one run of the receiver."""
@@ -86,6 +96,7 @@ class LiveReceiver:
         self.session = session
         self.emulator: Emulator | None = None
         self.receiver: ReceiverSession | None = None
+        self.feed: NavigationFeed | None = None  # of positions, where they have a line of their own
         self.roll: MarkRoll | None = None
         self.threshold, self.feeding = 0.0, True
         self.said = b""  # of the line, since the terminal last asked
@@ -111,44 +122,59 @@ class LiveReceiver:
             self.emulator = None
 
     def connect(
-        self, where: str, settings: PollingSettings, interval_s: float, rate: float, folder: str
+        self,
+        where: str,
+        settings: PollingSettings,
+        interval_s: float,
+        rate: float,
+        folder: str,
+        positions: str = "",
     ) -> None:
         """Begins to poll a receiver. Raises InputError for an address, folder or setting that makes no sense.
 
         interval_s : of the pinger; rate : of the receiver's time against ours, 1 but for emulators
         folder : where the hunt is kept, "" for nowhere
+        positions : the line that positions come from, "" for the receiver's own
         """
         self.disconnect()
-        try:
-            port = open_port(where.strip())
-        except PortError as error:
-            raise InputError(str(error)) from None
+        port, beside = named_port(where), named_port(positions) if positions.strip() else None
+        if beside is not None and beside.name == port.name:
+            raise InputError(f"{port.name} is the receiver's own line; leave Positions from empty for that")
         mine = self.emulator is not None and self.emulator.line.address == where.strip()
         self._simulated, self._where, self._interval_s = mine, where.strip(), interval_s
         if rate > 1:
             settings = replace(settings, poll_s=BUSY_POLL_S, position_every_s=1.0)
-        file, raw_log = self._keep(folder)
-        self.receiver = ReceiverSession(port, settings, file, raw_log, WallClock(rate))
+        settings = replace(settings, gps_on_line=beside is None)
+        path, file = self._keep(folder)
+        label, clock = f"{SIMULATED}-" if mine else "", WallClock(rate)
+        raw_log = None if path is None else RawLog(path, f"{label}sail")
+        self.receiver = ReceiverSession(port, settings, file, raw_log, clock)
+        if beside is not None:
+            raw_log = None if path is None else RawLog(path, f"{label}positions")
+            self.feed = NavigationFeed(beside, file, raw_log, host_time=clock.at)
         self._followed, self._queue, self._fixes = None, None, []
         self._new_roll()
         self._label_file()
         self.receiver.start()
+        if self.feed is not None:
+            self.feed.start()
         if not mine:
             self.receiver.type(b"#PTR H")  # an emulator says there that it is one
 
-    def _keep(self, folder: str) -> tuple[SessionFile | None, RawLog | None]:
+    def _keep(self, folder: str) -> tuple[Path | None, SessionFile | None]:
+        """The folder of the raw bytes and a new session file in it."""
         if not folder.strip():
             self.file = None
             return None, None
         path = Path(folder.strip()).expanduser()
-        label = "SIMULATED-" if self._simulated else ""
+        label = f"{SIMULATED}-" if self._simulated else ""
         try:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"{path}: the hunt cannot be kept there ({error.strerror})") from None
         now = datetime.now(UTC).strftime("%Y-%m-%dT%H%M%S")
         self.file = path / f"{label}{now}.session"
-        return SessionFile(self.file), RawLog(path, f"{label}sail")
+        return path, SessionFile(self.file)
 
     def _label_file(self) -> None:
         """Says in the session file that what it holds is simulated."""
@@ -158,6 +184,9 @@ class LiveReceiver:
     def disconnect(self) -> str:
         """Stops polling; what was heard stays. What could not be kept, in words, or ""."""
         words = ""
+        if self.feed is not None:
+            self.feed.stop()
+            self.feed = None
         if self.receiver is not None:
             self.receiver.stop()
             file = self.receiver.file
@@ -180,6 +209,11 @@ class LiveReceiver:
     def status(self) -> SessionStatus | None:
         """How the receiver is doing; None without one."""
         return None if self.receiver is None else self.receiver.status
+
+    @property
+    def feed_status(self) -> FeedStatus | None:
+        """How the line that positions come from is doing; None if that is the receiver's own."""
+        return None if self.feed is None else self.feed.status
 
     @property
     def followed(self) -> tuple[np.ndarray, np.ndarray]:
@@ -209,6 +243,9 @@ class LiveReceiver:
         if b"SIMULATED" in said and not self._simulated:
             self._simulated = self.roll.simulated = True
             self._label_file()
+        for heard_s, found in self.feed.poll() if self.feed is not None else ():
+            if isinstance(found, Fix):
+                self.receiver.take_fix(heard_s, found)
         news = self.receiver.poll()
         begun = bool(news.periods) and (self._followed is None or news.run != self._followed.run)
         if begun:

@@ -10,6 +10,7 @@ from dashboards.pictures.bearing_layer import distance_text
 from trackerlib.beacon.bearing_lines import BearingFix
 from trackerlib.beacon.navigation import ship_at_receptions
 from trackerlib.frames import degrees_minutes
+from trackerlib.live.navigation_feed import FeedStatus
 from trackerlib.live.navigation_file import NavigationFile, outside_words
 from trackerlib.live.receiver_session import SessionStatus
 from trackerlib.receiver.chart import ChartSettings
@@ -83,6 +84,26 @@ def receiver_words(status: SessionStatus | None, pings: int, unplaced: int, kept
         words.append(f"<span style='color:#C62828'>{status.lost} bytes or rows could not be kept.</span>")
     if kept:
         words.append(f"Kept in {html.escape(kept)}.")
+    return " ".join(words)
+
+
+def feed_words(feed: FeedStatus) -> str:
+    """How a line of positions does, as HTML."""
+    reader = feed.reader
+    state = {"connected": "listening", "waiting": "waiting for it", "ended": "ended", "stopped": "stopped"}
+    words = [
+        f"<b>Positions from {html.escape(feed.name)}</b>, {state[reader.state]}: {feed.positions} taken."
+    ]
+    if reader.state == "connected" and not reader.bytes:
+        words.append("Nothing has come yet.")
+    if feed.refused:
+        counts = ", ".join(f"{count} of {html.escape(why)}" for why, count in feed.refused)
+        words.append(f"Refused: {counts}; the latest: {html.escape(feed.last_refused)}.")
+    if reader.words:
+        words.append(f"<span style='color:#C62828'>{html.escape(reader.words)}.</span>")
+    if reader.dropped or reader.raw_lost:
+        lost = f"{reader.dropped} lines and {reader.raw_lost} bytes could not be kept"
+        words.append(f"<span style='color:#C62828'>{lost}.</span>")
     return " ".join(words)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+import threading
 import time
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
@@ -13,7 +14,9 @@ import pytest
 
 from dashboards.session import Session
 from dashboards.tabs.chart import ChartTab
+from trackerlib.live.nmea import checksum
 from trackerlib.live.session_file import read_session
+from trackerlib.simulation.sail_units import degrees_minutes
 
 RATE = 40.0
 
@@ -85,6 +88,102 @@ def test_the_menus_turn_the_receiver(tab):
     heard = []
     tab.beside.terminal.param.watch(lambda event: heard.append(event.new), "output")
     assert until(tab, lambda: "SIMULATED" in "".join(heard))
+
+
+class UdpGps:
+    """SIMULATED sentences of the emulated ship's own GPS, sent to a UDP port as they become due."""
+
+    def __init__(self, number, emulator):
+        self.out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.number, self.emulator, self.gps = number, emulator, emulator.line.line.gps
+        self.stop = threading.Event()
+        self.thread = threading.Thread(target=self.run, daemon=True)
+        self.thread.start()
+
+    def run(self):
+        sent = -1
+        while not self.stop.wait(0.01):
+            second = int(self.gps.clock())
+            if second > sent:
+                sent = second
+                self.out.sendto(self.sentence(second), ("127.0.0.1", self.number))
+
+    def sentence(self, second):
+        clock = time.gmtime(self.gps.start_utc_s + second)
+        lat, lon = self.emulator.hunt.gps(second)
+        place = (
+            f"{degrees_minutes(lat, 2, 4)},{'S' if lat < 0 else 'N'},{degrees_minutes(lon, 3, 4)},"
+            f"{'W' if lon < 0 else 'E'}"
+        )
+        body = f"GPGGA,{time.strftime('%H%M%S', clock)},{place},1,08,1.2,0.0,M,0.0,M,,"
+        return f"${body}*{checksum(body):02X}\r\n".encode()
+
+    def close(self):
+        self.stop.set()
+        self.thread.join()
+        self.out.close()
+
+
+def free_udp_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def test_positions_of_a_line_of_their_own_place_the_pings(tab):
+    number = free_udp_port()
+    tab.controls_.positions.value = f"udp:{number}"
+    tab.controls_.emulate.clicks += 1
+    tab.controls_.connect.clicks += 1
+    assert not tab.session.failed, tab.session.message
+    assert not tab.live.receiver.settings.gps_on_line
+    assert until(tab, lambda: tab.live.feed_status.reader.state == "connected")
+    tab.tick(0.1)
+    assert "Nothing has come yet" in tab.status_words.object
+    gps = UdpGps(number, tab.live.emulator)
+    try:
+        gps.out.sendto(b"$GPGGA,120002*00", ("127.0.0.1", number))
+        assert until(tab, lambda: tab.session.pings is not None and len(tab.session.pings) > 25), (
+            tab.live.status
+        )
+    finally:
+        gps.close()
+    assert until(tab, lambda: tab.live.feed_status.positions == tab.live.status.positions, 5)
+    assert f"Positions from udp:{number}" in tab.status_words.object
+    assert "1 of a sentence that cannot be read" in tab.status_words.object
+    path, pings = tab.live.file, tab.session.pings
+    second = (pings.utc.astype("datetime64[ms]").astype(float) * 1e-3) - gps.gps.start_utc_s
+    there = np.array([gps.emulator.hunt.gps(round(s)) for s in second])
+    off_m = 111e3 * np.hypot(pings.lat_deg - there[:, 0], 0.77 * (pings.lon_deg - there[:, 1]))
+    assert np.median(off_m) < 60  # of the ship's way in the seconds that this fast clock is late by
+    tab.controls_.connect.clicks += 1
+    assert tab.live.feed is None
+    recorded = read_session(path)
+    assert len(recorded.fixes) > 50
+    assert (path.parent / f"SIMULATED-positions-{datetime.now(UTC):%Y-%m-%d}.raw").stat().st_size > 1000
+    tab._try(lambda: tab._open_stored(path))
+    tab.controls_.accept.clicks += 1
+    assert len(tab.session.pings) > 20
+
+
+def test_a_line_of_positions_that_cannot_be_had_is_told_in_words(tab):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("0.0.0.0", 0))
+        number = taken.getsockname()[1]
+        tab.controls_.positions.value = f"udp:{number}"
+        connect(tab)
+        assert until(tab, lambda: tab.live.feed_status.reader.state == "waiting")
+        tab.tick(0.1)
+        assert f"udp:{number}: cannot listen" in tab.status_words.object
+        assert "trying again" in tab.status_words.object
+    assert until(tab, lambda: tab.live.feed_status.reader.state == "connected")
+    tab.controls_.connect.clicks += 1
+    for where, words in (("udp:ship", "wanted 1 to 65535"), (tab.controls_.address.value, "own line")):
+        tab.controls_.positions.value = where
+        tab.controls_.connect.clicks += 1
+        assert tab.session.failed
+        assert words in tab.session.message
+        assert tab.live.receiver is None
 
 
 def test_a_port_that_is_taken_is_told_in_a_sentence(tab):

@@ -41,7 +41,7 @@ def test_positions_ranges_and_refusals_of_datagrams(tmp_path):
                 out.sendto(datagram, ("127.0.0.1", number))
         assert until(lambda: feed.status.reader.lines == len(sent))
         feed.stop()
-    fix, deck = feed.poll()
+    (_, fix), (_, deck) = feed.poll()
     assert isinstance(fix, Fix)
     assert (fix.time_s % 86_400, fix.lat_deg) == (43_200, pytest.approx(48.1173))
     assert isinstance(deck, DeckUnitRange)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from trackerlib.live.line_reader import LineReader, ReaderStatus, TimedLine
@@ -27,6 +28,7 @@ PAUSE_S = 0.05
 class FeedStatus:
     """How a feed is doing, for a person."""
 
+    name: str  # of its port
     reader: ReaderStatus
     positions: int
     refused: tuple[tuple[str, int], ...]  # why sentences gave nothing, and how often
@@ -34,7 +36,10 @@ class FeedStatus:
 
 
 class NavigationFeed:
-    """Reads a port in one thread and makes sense of its lines in another, so that neither waits for the app."""
+    """Reads a port in one thread and makes sense of its lines in another, so that neither waits for the app.
+
+    host_time : by which clock things are told as heard, from seconds since 1970; an emulator's may run faster
+    """
 
     def __init__(
         self,
@@ -42,13 +47,14 @@ class NavigationFeed:
         file: SessionFile | None = None,
         raw_log: RawLog | None = None,
         checksum_required: bool = True,
+        host_time: Callable[[float], float] = float,
     ):
-        self.file = file
+        self.file, self.name, self._host_time = file, port.name, host_time
         keep_raw = None if file is None else lambda data, utc_s: file.add_raw(port.name, utc_s, data)
         self._reader = LineReader(port, raw_log, also=keep_raw)
         self._stream = NavigationStream(checksum_required)
         self._heard: deque[tuple[float, Fix]] = deque(maxlen=KEPT)
-        self._news: deque[Fix | DeckUnitRange] = deque(maxlen=NEWS)
+        self._news: deque[tuple[float, Fix | DeckUnitRange]] = deque(maxlen=NEWS)
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -69,8 +75,8 @@ class NavigationFeed:
             self._thread.join(5)
             self._thread = None
 
-    def poll(self) -> tuple[Fix | DeckUnitRange, ...]:
-        """What came since the last call."""
+    def poll(self) -> tuple[tuple[float, Fix | DeckUnitRange], ...]:
+        """What came since the last call, each with when it was heard by the host's clock [s]."""
         return tuple(self._news.popleft() for _ in range(len(self._news)))
 
     def heard(self) -> tuple[tuple[float, Fix], ...]:
@@ -83,7 +89,8 @@ class NavigationFeed:
         """How it is doing."""
         with self._lock:
             refused = tuple(self._stream.refused.most_common())
-            return FeedStatus(self._reader.status, len(self._heard), refused, self._stream.last_refused)
+            last = self._stream.last_refused
+            return FeedStatus(self.name, self._reader.status, len(self._heard), refused, last)
 
     def _run(self) -> None:
         while not self._stop.wait(PAUSE_S):
@@ -92,11 +99,12 @@ class NavigationFeed:
 
     def _take(self, lines: list[TimedLine]) -> None:
         for line in lines:
+            heard_s = self._host_time(line.utc_s)
             with self._lock:
-                found = self._stream.feed(line.text, line.utc_s)
+                found = self._stream.feed(line.text, heard_s)
                 if isinstance(found, Fix):
-                    self._heard.append((line.utc_s, found))
+                    self._heard.append((heard_s, found))
             if found is not None:
-                self._news.append(found)
+                self._news.append((heard_s, found))
             if isinstance(found, Fix) and self.file is not None:
-                self.file.add_fix(line.utc_s, found)
+                self.file.add_fix(heard_s, found)

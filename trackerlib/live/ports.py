@@ -59,7 +59,8 @@ class Port(Protocol):
 def open_port(where: str, baud: int = 9600) -> Port:
     """The port that an address names, not yet opened. Raises PortError for an address that makes no sense.
 
-    where : a serial device; `tcp:HOST:PORT`; `udp:PORT` or `udp:GROUP:PORT`; `file:PATH` or `file:PATH@SPEED`
+    where : a serial device, or `DEVICE@BAUD` for a rate of its own; `tcp:HOST:PORT`; `udp:PORT` or
+        `udp:GROUP:PORT`; `file:PATH` or `file:PATH@SPEED`
     """
     kind, _, rest = where.partition(":")
     try:
@@ -76,7 +77,8 @@ def open_port(where: str, baud: int = 9600) -> Port:
         raise PortError(f"{where}: {error}") from None
     if not where:
         raise PortError("no port was named; wanted a device, tcp:HOST:PORT, udp:PORT or file:PATH")
-    return SerialPort(where, baud)
+    device, at, rate = where.rpartition("@")
+    return SerialPort(device, int(rate)) if at and rate.isdigit() else SerialPort(where, baud)
 
 
 def _port_number(text: str) -> int:

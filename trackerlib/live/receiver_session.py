@@ -59,6 +59,10 @@ class WallClock:
         """Seconds since 1970."""
         return self._began + self.rate * (time.monotonic() - self._monotonic)
 
+    def at(self, utc_s: float) -> float:
+        """What it showed at an instant of the machine's own clock."""
+        return self._began + self.rate * (utc_s - self._began)
+
     def wait(self, stop: threading.Event, seconds: float) -> None:
         """Waits, or until told to stop."""
         stop.wait(seconds / self.rate)
@@ -225,6 +229,16 @@ class ReceiverSession:
         """All characters heard on the line since the last call, echoes included."""
         return bytes(self._terminal.popleft() for _ in range(len(self._terminal)))
 
+    def take_fix(self, heard_s: float, fix: Fix) -> None:
+        """Takes a position of another line, which keeps it in the file itself.
+
+        heard_s : by `clock`
+        """
+        with self._lock:
+            self._fixes.append((heard_s, fix))
+            self._late_s = np.fmin(self._late_s, heard_s - fix.time_s)
+        self._news.append((self._run, fix))
+
     # -- in the thread -------------------------------------------------------------------------
 
     def _poll_until_stopped(self) -> None:
@@ -299,10 +313,7 @@ class ReceiverSession:
 
     def keep_fix(self, heard_s: float, fix: Fix) -> None:
         """Keeps what the poller heard."""
-        with self._lock:
-            self._fixes.append((heard_s, fix))
-            self._late_s = np.fmin(self._late_s, heard_s - fix.time_s)
-        self._news.append((self._run, fix))
+        self.take_fix(heard_s, fix)
         if self.file is not None:
             self.file.add_fix(heard_s, fix)
 
