@@ -16,6 +16,7 @@ from dashboards.pictures.wet_paper import WetPaper
 from dashboards.tabs.chart_beside import Beside
 from dashboards.tabs.chart_controls import (
     COLUMNS,
+    DECK,
     NUDGE_S,
     RECEIVER,
     RECORDING,
@@ -24,6 +25,7 @@ from dashboards.tabs.chart_controls import (
     SURVEY,
     ChartControls,
 )
+from dashboards.tabs.chart_deck import LiveDeck
 from dashboards.tabs.chart_export import ChartFiles, OnPaper, arrivals_text
 from dashboards.tabs.chart_inputs import Inputs
 from dashboards.tabs.chart_live import LiveReceiver
@@ -48,7 +50,6 @@ EMPTY = {
     RECORDING: "<b>No recording is open.</b> Name one on this machine, or File, Open… takes WAV, RF64 and FLAC.",
     SIMULATION: "<b>Nothing is simulated yet.</b> Simulate and hear makes the sound of two passes of a beacon.",
     STORED: "<b>No stored session is open.</b> Name one, or File, Open… takes it.",
-    RECEIVER: "",
 }
 WORDS = {"sizing_mode": "stretch_width", "margin": (4, 10), "styles": {"font-size": "13px"}}
 
@@ -70,7 +71,7 @@ class ChartTab(Inputs, TraceActions, Tab):
         self.strip = LineStrip(self.paper.lines, controls.history.value)
         self.map = ChartMap(self.strip.source)
         self.paper.point(self.strip.source, self.map.pointed)
-        self.live = LiveReceiver(self.session)
+        self.live, self.deck = LiveReceiver(self.session), LiveDeck(self.session)
         self.marks = TraceMarks(self.session)
         self.files = ChartFiles(self.session, self._on_paper)
         self.beside = Beside(self.session, self._type)
@@ -167,8 +168,9 @@ class ChartTab(Inputs, TraceActions, Tab):
 
     @property
     def kind(self) -> str:
-        """Which kind of source is chosen."""
-        return self.controls_.source.value
+        """Which kind of source is chosen; a deck unit's pings are drawn as a survey log's."""
+        source = self.controls_.source.value
+        return SURVEY if source == DECK else source
 
     @property
     def threshold(self) -> float:
@@ -293,9 +295,10 @@ class ChartTab(Inputs, TraceActions, Tab):
         if self.kind == RECEIVER:
             label, icon = ("Hold", "pause") if not math.isfinite(self._clock_s) else ("Go on", "play_arrow")
         self.controls_.play.param.update(label=label, icon=icon)
-        self.controls_.connect.label = "Connect" if self.live.receiver is None else "Disconnect"
+        idle = self.live.receiver is None and not self.deck.listening
+        self.controls_.connect.label = "Connect" if idle else "Disconnect"
         self.controls_.emulate.label = "Start emulator" if self.live.emulator is None else "Stop emulator"
-        text = EMPTY[self.kind]
+        text = EMPTY.get(self.controls_.source.value, "")
         if roll is not None:
             text = paper_words(roll, self.settings, self.paper.count, self.strip.missed, self.threshold)
             notes = self.sound.notes[1:] + self.sound.position_notes if self.sound is not None else []
@@ -329,6 +332,7 @@ class ChartTab(Inputs, TraceActions, Tab):
     def tick(self, seconds: float) -> None:
         """Takes what the receiver said, lets the replay of sound go on, draws what is new."""
         begun = self.live.poll()
+        self.deck.poll()
         if self.kind == RECEIVER and self.live.roll is not self.roll:
             self.roll = self._rolls[RECEIVER] = self.live.roll
             begun = True
@@ -347,13 +351,14 @@ class ChartTab(Inputs, TraceActions, Tab):
                     if self.paper.first == before or begun or before < LEAST_FRAMED:
                         self.map.frame()
                     self._tell()
-            if self.kind == RECEIVER:
+            if self.controls_.source.value in (RECEIVER, DECK):
                 self._tell()
 
     def close(self) -> None:
         """Lets go of receiver and emulator."""
         self._hearing += 1
         self.live.close()
+        self.deck.disconnect()
 
     def activate(self) -> None:
         super().activate()

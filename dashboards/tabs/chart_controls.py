@@ -16,13 +16,16 @@ from trackerlib.receiver.front_end import ATTENUATIONS_DB, Attenuator
 from trackerlib.receiver.report_receiver import ReceiverSettings
 from trackerlib.receiver.sail import AUTOMATIC_GAIN, BAUD_RATES, FIRST_BAUD, ReceiverParameters
 from trackerlib.simulation.hexagon import SCENARIOS
+from trackerlib.surveyfiles.reading import DEFAULT_TURNAROUND_S
 
 SURVEY, RECORDING, SIMULATION, RECEIVER, STORED = "survey", "recording", "simulated", "receiver", "stored"
+DECK = "deck unit"  # whose pings lie on the paper as those of a survey log do
 SOURCES = {
     "Survey log": SURVEY,
     "Recording": RECORDING,
     "Simulated sound": SIMULATION,
     "Receiver on its line": RECEIVER,
+    "Deck unit on its line": DECK,
     "Stored receiver session": STORED,
 }
 NUDGE_S = 1e-4
@@ -77,7 +80,7 @@ class ChartControls:
         tip = "Serial device such as /dev/ttyUSB0 or COM3, or tcp:HOST:PORT"
         self.address, self.connect = _path("Device or address", tip), _button("Connect", variant="contained")
         self.emulate = _button("Start emulator")
-        tip = "Serial device (ttyUSB1@4800 tells its rate), tcp:HOST:PORT or udp:PORT; empty: the receiver's own line"
+        tip = "Serial device (/dev/ttyUSB1@4800 tells its rate), tcp:HOST:PORT or udp:PORT; empty: the same line"
         self.positions = _path("Positions from", tip)
         self.stored, self.open_stored = (
             _path("Stored session on this machine", "A .session file"), _button("Open")
@@ -100,6 +103,7 @@ class ChartControls:
             STORED: pn.Column(self.stored, self.open_stored, margin=0),
         }
         self.where = pn.Column(*self._where.values(), margin=0, sizing_mode="stretch_width")
+        self._where[DECK] = self._where[RECEIVER]
 
     def _make_paper(self) -> None:
         defaults = ChartSettings()
@@ -182,6 +186,12 @@ class ChartControls:
             "Keep the hunt in", "Folder for the session file and every raw byte; empty keeps nothing"
         )
         self.folder.value = HUNTS
+        self.turnaround = number(
+            "Turnaround (ms)",
+            1e3 * DEFAULT_TURNAROUND_S,
+            "Of the transponder, inside the times of a deck unit's host mode; 13 ms unless told",
+            start=0.0,
+        )
         self.scenario = choice("Emulated beacon: scenario", {str(k): k for k in SCENARIOS}, 2)
         self.rate = number(
             "Receiver's time against ours",
@@ -237,6 +247,7 @@ class ChartControls:
         return {
             "Receiver": [
                 self.attenuator, self.maxima, self.window, self.period, self.baud, self.send, self.feed, self.folder,
+                self.turnaround,
             ],
             "Detector and sound": [self.detector, self.carrier, self.pulse, self.sample],
             "Emulator": [self.scenario, self.rate, self.emulator_port],
@@ -246,8 +257,10 @@ class ChartControls:
 
     def show_source(self) -> None:
         """Shows what belongs to the chosen source."""
-        for name, place in self._where.items():
-            place.visible = name == self.source.value
+        shown = self._where[self.source.value]
+        for place in self._where.values():
+            place.visible = place is shown
+        self.emulate.visible = self.source.value == RECEIVER
 
     # -- what they say -------------------------------------------------------------------------
 

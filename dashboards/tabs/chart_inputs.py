@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from dashboards.jobs import Cancelled
-from dashboards.tabs.chart_controls import RECEIVER, RECORDING, SIMULATION, STORED, SURVEY
+from dashboards.tabs.chart_controls import DECK, RECEIVER, RECORDING, SIMULATION, STORED, SURVEY
 from dashboards.tabs.chart_sources import RecordedSound, SimulatedHuntSound, stored_hunt
-from dashboards.tabs.chart_words import feed_words, position_notes, receiver_words
+from dashboards.tabs.chart_words import deck_words, feed_words, position_notes, receiver_words
 from trackerlib.live.navigation_file import BeginUnknown, read_navigation_file
 from trackerlib.receiver.recording_start import instant_in
 from trackerlib.textfiles import InputError, decode_lines, read_bytes
@@ -167,7 +167,12 @@ class Inputs:
             raise InputError("name a stored session on this machine, or use File, Open…")
 
         def done(found):
-            self._rolls[STORED], settings = found
+            self._rolls[STORED], settings, ranged = found
+            if ranged is not None:
+                pings, words = ranged
+                self.session.take_pings(pings, words)
+                self._show_as(SURVEY)
+                return
             self._show_as(STORED)
             self.session.say(
                 f"{found[0].source}: {len(np.unique(found[0].arrivals.period))} periods, "
@@ -195,12 +200,17 @@ class Inputs:
 
     def _connect(self) -> None:
         c = self.controls_
-        if self.live.receiver is not None:
-            lost = self.live.disconnect()
+        if self.live.receiver is not None or self.deck.listening:
+            lost = "; ".join(filter(None, (self.live.disconnect(), self.deck.disconnect())))
             self._tell()
             if lost:
                 raise InputError(lost)
             self.session.say("Disconnected; what was heard stays")
+            return
+        if c.source.value == DECK:
+            turnaround_s = 1e-3 * (c.turnaround.value or 0.0)
+            self.deck.connect(c.address.value, c.positions.value, turnaround_s, c.folder.value)
+            self._tell()
             return
         self.live.threshold, self.live.feeding = self.threshold, c.feed.value
         self.live.connect(
@@ -215,8 +225,12 @@ class Inputs:
         self._redraw()
 
     def _tell_line(self) -> None:
-        """How the receiver on its line does, and the line of positions beside it."""
-        self.status_words.visible = self.kind == RECEIVER
+        """How the receiver or the deck unit on its line does, and the line of positions beside it."""
+        on_deck = self.controls_.source.value == DECK
+        self.status_words.visible = on_deck or self.kind == RECEIVER
+        if on_deck:
+            kept = "" if self.deck.file is None else str(self.deck.file)
+            self.status_words.object = deck_words(self.deck.status, self.deck.placer, self.deck.placed, kept)
         if self.kind == RECEIVER:
             live, status = self.live, self.live.status
             kept = "" if live.file is None or status is None else str(live.file)

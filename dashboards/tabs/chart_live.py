@@ -77,6 +77,24 @@ def named_port(where: str) -> Port:
         raise InputError(str(error)) from None
 
 
+def hunt_file(folder: str, label: str = "") -> SessionFile | None:
+    """A new session file in a folder, named by the instant; None for a folder "". Raises InputError."""
+    if not folder.strip():
+        return None
+    path = Path(folder.strip()).expanduser()
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: the hunt cannot be kept there ({error.strerror})") from None
+    now = datetime.now(UTC).strftime("%Y-%m-%dT%H%M%S")
+    return SessionFile(path / f"{label}{now}.session")
+
+
+def raw_log_beside(file: SessionFile | None, name: str) -> RawLog | None:
+    """The day file of a line's raw bytes in the folder of a session file; None where nothing is kept."""
+    return None if file is None else RawLog(file.path.parent, name)
+
+
 @dataclass
 class _Following:
     """What is known of one run of the receiver."""
@@ -145,12 +163,13 @@ class LiveReceiver:
         if rate > 1:
             settings = replace(settings, poll_s=BUSY_POLL_S, position_every_s=1.0)
         settings = replace(settings, gps_on_line=beside is None)
-        path, file = self._keep(folder)
         label, clock = f"{SIMULATED}-" if mine else "", WallClock(rate)
-        raw_log = None if path is None else RawLog(path, f"{label}sail")
+        file = hunt_file(folder, label)
+        self.file = None if file is None else file.path
+        raw_log = raw_log_beside(file, f"{label}sail")
         self.receiver = ReceiverSession(port, settings, file, raw_log, clock)
         if beside is not None:
-            raw_log = None if path is None else RawLog(path, f"{label}positions")
+            raw_log = raw_log_beside(file, f"{label}positions")
             self.feed = NavigationFeed(beside, file, raw_log, host_time=clock.at)
         self._followed, self._queue, self._fixes = None, None, []
         self._new_roll()
@@ -160,21 +179,6 @@ class LiveReceiver:
             self.feed.start()
         if not mine:
             self.receiver.type(b"#PTR H")  # an emulator says there that it is one
-
-    def _keep(self, folder: str) -> tuple[Path | None, SessionFile | None]:
-        """The folder of the raw bytes and a new session file in it."""
-        if not folder.strip():
-            self.file = None
-            return None, None
-        path = Path(folder.strip()).expanduser()
-        label = f"{SIMULATED}-" if self._simulated else ""
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{path}: the hunt cannot be kept there ({error.strerror})") from None
-        now = datetime.now(UTC).strftime("%Y-%m-%dT%H%M%S")
-        self.file = path / f"{label}{now}.session"
-        return path, SessionFile(self.file)
 
     def _label_file(self) -> None:
         """Says in the session file that what it holds is simulated."""

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from dashboards.jobs import Progress
+from trackerlib.beacon.pings import Pings
+from trackerlib.live.deck_pings import pings_of_ranges
 from trackerlib.live.hunt import hunt_of
 from trackerlib.live.recorded_pings import utc_at
-from trackerlib.live.session_file import read_session
+from trackerlib.live.session_file import RecordedSession, read_session
 from trackerlib.receiver.detectors import hear
 from trackerlib.receiver.recording import BLOCK_S, SIMULATED, Recording
 from trackerlib.receiver.recording_start import instant_in
@@ -125,8 +127,11 @@ class SimulatedHuntSound(SoundSource):
             yield sound.read(min(block, left))
 
 
-def stored_hunt(path: Path, name: str) -> tuple[MarkRoll, dict]:
-    """What a stored session of a receiver holds, and its settings. Raises InputError."""
+def stored_hunt(path: Path, name: str) -> tuple[MarkRoll, dict, tuple[Pings, str] | None]:
+    """What a stored session of a receiver holds, and its settings; if a deck unit's, its pings in words.
+
+    Raises InputError.
+    """
     recorded = read_session(path)
     arrivals, fixes = hunt_of(recorded)
     roll = MarkRoll(name, any(SIMULATED in words for _, words in recorded.events))
@@ -137,4 +142,17 @@ def stored_hunt(path: Path, name: str) -> tuple[MarkRoll, dict]:
         last = recorded.runs[run][-1]
         until = (last.number + 1) * last.period_samples * recorded.settings.get("sample_interval_s", 1e-3)
     roll.add(arrivals, until)
-    return roll, recorded.settings
+    return roll, recorded.settings, _ranged(recorded, name, roll.simulated) if run is None else None
+
+
+def _ranged(recorded: RecordedSession, name: str, simulated: bool) -> tuple[Pings, str] | None:
+    """Pings of a deck unit's session, and how they came about; None if it has no ranges."""
+    if not recorded.ranges:
+        return None
+    pings, placer = pings_of_ranges(recorded, name, simulated)
+    if not len(pings):
+        raise InputError(f"{name}: none of its {placer.ranges} ranges has a ship's position")
+    return (
+        pings,
+        f"{name}: {len(pings)} pings of {placer.ranges} ranges of a deck unit, {placer.no_reply} without reply",
+    )

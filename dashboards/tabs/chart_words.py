@@ -10,6 +10,7 @@ from dashboards.pictures.bearing_layer import distance_text
 from trackerlib.beacon.bearing_lines import BearingFix
 from trackerlib.beacon.navigation import ship_at_receptions
 from trackerlib.frames import degrees_minutes
+from trackerlib.live.deck_pings import RangePlacer
 from trackerlib.live.navigation_feed import FeedStatus
 from trackerlib.live.navigation_file import NavigationFile, outside_words
 from trackerlib.live.receiver_session import SessionStatus
@@ -87,13 +88,11 @@ def receiver_words(status: SessionStatus | None, pings: int, unplaced: int, kept
     return " ".join(words)
 
 
-def feed_words(feed: FeedStatus) -> str:
+def feed_words(feed: FeedStatus, what: str = "Positions from") -> str:
     """How a line of positions does, as HTML."""
     reader = feed.reader
     state = {"connected": "listening", "waiting": "waiting for it", "ended": "ended", "stopped": "stopped"}
-    words = [
-        f"<b>Positions from {html.escape(feed.name)}</b>, {state[reader.state]}: {feed.positions} taken."
-    ]
+    words = [f"<b>{what} {html.escape(feed.name)}</b>, {state[reader.state]}: {feed.positions} positions."]
     if reader.state == "connected" and not reader.bytes:
         words.append("Nothing has come yet.")
     if feed.refused:
@@ -105,6 +104,27 @@ def feed_words(feed: FeedStatus) -> str:
         lost = f"{reader.dropped} lines and {reader.raw_lost} bytes could not be kept"
         words.append(f"<span style='color:#C62828'>{lost}.</span>")
     return " ".join(words)
+
+
+def deck_words(feeds: tuple[FeedStatus, ...], placer: RangePlacer | None, placed: int, kept: str) -> str:
+    """How a deck unit on its line does, as HTML."""
+    if not feeds or placer is None:
+        return (
+            "<b>No deck unit is connected.</b> Name its serial device, <code>tcp:HOST:PORT</code> or "
+            "<code>udp:PORT</code>, and where the ship's positions come from if not on the same line, and press "
+            "Connect. Lines such as <code>RNG: TX = 11.0 RX = 12.0 time = 08.807 Sec.</code> are wanted."
+        )
+    words = [
+        f"<b>{placer.ranges} ranges of the deck unit</b>, {placer.no_reply} without a reply; {placed} pings given to "
+        "the beacon fix, of half the time each, turnaround off."
+    ]
+    if placer.too_short:
+        words.append(f"{placer.too_short} were shorter than the turnaround.")
+    if placer.unplaced:
+        words.append(f"{placer.unplaced} had no ship's position.")
+    if kept:
+        words.append(f"Kept in {html.escape(kept)}.")
+    return " ".join(words) + "".join(f"<br>{feed_words(feed, 'Line')}" for feed in feeds)
 
 
 def pass_words(found: Pass | None, marks: int, when: str) -> str:

@@ -186,3 +186,22 @@ def test_deck_unit_lines_are_ranges():
     assert stream.feed("RNG: TX = 11.0 RX = 12.0 time = --.--- Sec.", NOON) == DeckUnitRange(NOON, None, True)
     assert decode_deck_unit("CMD: 265023", NOON) is None
     assert len(stream.ranges) == 3
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("RNG: TX = 11.0 RX = 12.0 time = 00.000 Sec.", "0 s"),
+        ("RNG: TX = 11.0 RX = 12.0 time = 8 Sec.", "'8'"),
+        ("RNG: TX = 11.0 RX = 12.0 time = 0-.80 Sec.", "'0-.80'"),
+        ("RNG: TX = 11.0 RX = 12.0 time = nan Sec.", "'nan'"),
+        ("IN 00000 mS", "0 s"),
+    ],
+)
+def test_a_deck_unit_s_time_that_is_none_is_refused(line, found):
+    stream = NavigationStream()
+    assert stream.feed(line, NOON) is None
+    assert len(stream.ranges) == 0
+    assert dict(stream.refused) == {"a range that cannot be read": 1}
+    assert found in stream.last_refused
+    assert "wanted" in stream.last_refused

@@ -106,5 +106,9 @@ class NavigationFeed:
                     self._heard.append((heard_s, found))
             if found is not None:
                 self._news.append((heard_s, found))
-            if isinstance(found, Fix) and self.file is not None:
+            if self.file is None:
+                continue
+            if isinstance(found, Fix):
                 self.file.add_fix(heard_s, found)
+            elif found is not None:
+                self.file.add_range(heard_s, found)

@@ -20,6 +20,7 @@ from trackerlib.beacon.navigation import NavigationFixes
 from trackerlib.live.nmea import Message, SentenceError, decode, instant_near, instant_on
 
 KEPT = 1_000_000  # fixes: a day at ten a second and more
+LONGEST_TWO_WAY_S = 1000.0  # as for logs of ranges; a beacon replies within seconds
 HEADING_AGE_S = 2.0  # a heading older than this is not the ship's any more
 
 
@@ -64,7 +65,11 @@ class NavigationStream:
 
     def feed(self, text: str, utc_s: float) -> Fix | DeckUnitRange | None:
         """Takes a line that came at an instant; the fix or range that it brought, if one."""
-        deck = decode_deck_unit(text, utc_s)
+        try:
+            deck = decode_deck_unit(text, utc_s)
+        except SentenceError as error:
+            self._refuse("a range that cannot be read", str(error))
+            return None
         if deck is not None:
             self.ranges.append(deck)
             return deck
@@ -131,16 +136,27 @@ def fixes_of(fixes: Iterable[Fix]) -> NavigationFixes:
 
 
 def decode_deck_unit(text: str, utc_s: float) -> DeckUnitRange | None:
-    """The range of an EdgeTech deck unit's line; None if it is another line.
+    """The range of an EdgeTech deck unit's line; None if it is another line. SentenceError for a time that is none.
 
     Logging mode, `RNG: TX = 11.0 RX = 12.0 time = 08.807 Sec.`, has the turnaround time taken off and dashes for no
     reply; host mode, `IN 08807 mS`, has it in.
     """
-    found = re.search(r"RNG:.*time\s*=\s*([\d.-]+)\s*Sec", text, re.IGNORECASE)
+    found = re.search(r"RNG:.*time\s*=\s*(\S+)\s*Sec", text, re.IGNORECASE)
     if found:
-        seconds = float(found[1]) if re.fullmatch(r"\d+\.\d*", found[1]) else None
-        return DeckUnitRange(utc_s, seconds, turnaround_removed=True)
+        if re.fullmatch(r"[-.]*-[-.]*", found[1]):
+            return DeckUnitRange(utc_s, None, turnaround_removed=True)
+        if not re.fullmatch(r"\d+\.\d+", found[1]):
+            raise SentenceError(f"deck unit's time is {found[1]!r}; wanted seconds such as 08.807, or dashes")
+        return DeckUnitRange(utc_s, _two_way(float(found[1])), turnaround_removed=True)
     found = re.fullmatch(r"\s*IN\s+(\d{1,6})\s*mS\s*", text)
     if found:
-        return DeckUnitRange(utc_s, int(found[1]) * 1e-3, turnaround_removed=False)
+        return DeckUnitRange(utc_s, _two_way(int(found[1]) * 1e-3), turnaround_removed=False)
     return None
+
+
+def _two_way(seconds: float) -> float:
+    if not 0 < seconds < LONGEST_TWO_WAY_S:
+        raise SentenceError(
+            f"deck unit's time is {seconds:g} s; wanted more than 0, below {LONGEST_TWO_WAY_S:g}"
+        )
+    return seconds

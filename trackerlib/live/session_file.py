@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from trackerlib.live.navigation_stream import Fix
+from trackerlib.live.navigation_stream import DeckUnitRange, Fix
 from trackerlib.receiver.periods import Period
 from trackerlib.receiver.sail import Maximum
 from trackerlib.textfiles import InputError
@@ -41,6 +41,10 @@ CREATE TABLE period (run INTEGER NOT NULL, number INTEGER NOT NULL, heard_s REAL
 CREATE TABLE fix (heard_s REAL NOT NULL, time_s REAL NOT NULL, lat_deg REAL NOT NULL, lon_deg REAL NOT NULL,
                   hdop REAL, heading_rad REAL);
 CREATE TABLE event (utc_s REAL NOT NULL, words TEXT NOT NULL);
+"""
+# Came after the first files of version 1, whose readers pass it over.
+_RANGES = """
+CREATE TABLE IF NOT EXISTS deck_range (heard_s REAL NOT NULL, two_way_s REAL, turnaround_removed INTEGER NOT NULL);
 """
 
 
@@ -90,6 +94,11 @@ class SessionFile:
         rest = (None if math.isnan(value) else value for value in (fix.hdop, fix.heading_rad))
         row = (heard_s, fix.time_s, fix.lat_deg, fix.lon_deg, *rest)
         self._add("INSERT INTO fix VALUES (?, ?, ?, ?, ?, ?)", row)
+
+    def add_range(self, heard_s: float, found: DeckUnitRange) -> None:
+        """Keeps a deck unit's range, or that there was no reply, and when it was heard by the host's clock."""
+        row = (heard_s, found.two_way_s, int(found.turnaround_removed))
+        self._add("INSERT INTO deck_range VALUES (?, ?, ?)", row)
 
     def add_event(self, utc_s: float, words: str) -> None:
         """Keeps a sentence about what happened."""
@@ -174,6 +183,7 @@ def _prepare(database: sqlite3.Connection) -> None:
             f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA application_id = {APPLICATION_ID}; "
             f"PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;"
         )
+    database.execute(_RANGES)
 
 
 def _words(error: sqlite3.Error) -> str:
@@ -195,6 +205,7 @@ class RecordedSession:
     settings: dict  # the last ones, {} if there are none
     runs: dict[int, tuple[Period, ...]]  # periods of each time that sampling began, in order
     fixes: tuple[tuple[float, Fix], ...]  # when each was heard by the host's clock, and the position
+    ranges: tuple[DeckUnitRange, ...]  # of a deck unit, by when each was heard by the host's clock
     events: tuple[tuple[float, str], ...]
     raw_bytes: int
 
@@ -232,9 +243,17 @@ def _read(database: sqlite3.Connection) -> RecordedSession:
         {} if settings is None else json.loads(settings[0]),
         {run: tuple(periods) for run, periods in runs.items()},
         fixes,
+        _ranges(database),
         tuple(database.execute("SELECT utc_s, words FROM event ORDER BY rowid")),
         database.execute("SELECT coalesce(sum(length(bytes)), 0) FROM raw").fetchone()[0],
     )
+
+
+def _ranges(database: sqlite3.Connection) -> tuple[DeckUnitRange, ...]:
+    if database.execute("SELECT 1 FROM sqlite_master WHERE name = 'deck_range'").fetchone() is None:
+        return ()
+    rows = database.execute("SELECT * FROM deck_range ORDER BY rowid")
+    return tuple(DeckUnitRange(heard_s, two_way_s, bool(removed)) for heard_s, two_way_s, removed in rows)
 
 
 def raw_of(path: Path, source: str | None = None) -> Sequence[tuple[float, str, bytes]]:
