@@ -76,6 +76,8 @@ def test_it_reads_what_an_independent_parser_reads(body):
         ("GPGGA,123519,4807.038,N,01131.000,E,6,00,1.0,,M,,M,,", "dead reckoning"),
         ("GPGGA,123519,4807.038,N,01131.000,E,8,00,1.0,,M,,M,,", "a simulator"),
         ("GPGGA,123519,,,,,1,08,0.9,,M,,M,,", "no fix"),
+        ("GPGGA,123519,0000.000,N,00000.000,E,1,00,,,M,,M,,", "no satellites"),
+        ("GPGGA,123519,4807.038,N,01131.000,E,2,0,0.9,,M,,M,,", "no satellites"),
         ("GPRMC,081836,V,3751.65,S,14507.36,E,,,130998,,", "no fix"),
         ("GPRMC,081836,A,3751.65,S,14507.36,E,,,130998,,,E", "dead reckoning"),
         ("GPGLL,,,,,225444,V,N", "no fix"),

@@ -144,6 +144,9 @@ def gga_position(fields: list[str]) -> tuple[Position | None, str | None]:
         return None, QUALITY_WORDS.get(-1 if quality is None else int(quality), f"quality {fields[4]!r}")
     if lat is None or lon is None:
         return None, "no fix"
+    satellites = number(fields[5], "satellites")
+    if satellites == 0:
+        return None, "no satellites"
     return Position(lat, lon, number(fields[6], "HDOP")), None
 
 
