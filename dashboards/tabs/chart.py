@@ -133,6 +133,7 @@ class ChartTab(Inputs, TraceActions, Tab):
             c.simulate: self._simulate, c.connect: self._connect, c.emulate: self._emulate,
             c.shorter: lambda: self._nudge(-NUDGE_S), c.longer: lambda: self._nudge(NUDGE_S),
             c.straighten: self._straighten, c.fit: self._fit, c.keep_line: self._keep_line, c.accept: self._accept,
+            c.measured: self._take_measured,
             c.unmark: self.marks.clear, c.unline: lambda: self.session.edit(bearing_lines=()),
             c.send: self._tell_receiver,
         }  # fmt: skip
@@ -145,6 +146,7 @@ class ChartTab(Inputs, TraceActions, Tab):
             self._change_threshold: (c.threshold,),
             self._change_attenuator: (c.attenuator,),
             self._change_baud: (c.baud,),
+            self._change_channel: (c.channel,),
             self._place_recording: (c.began,),
             self._look: (c.look, c.contrast),
             self._keep_lines: (c.history,),

@@ -25,6 +25,7 @@ from trackerlib.receiver.front_end_design import (
 from trackerlib.textfiles import InputError
 
 PANES = ("Hyperbola", "Terminal", "Detection", "Front\u00a0end")
+ENDED_BY_RETURN = ("?M", "!M", "!T")  # their last number ends there
 FALSE_ALARMS = np.geomspace(1e-4, 0.1, 10)
 RATIOS_DB = np.array([6.0, 9.0, 12.0, 15.0])
 PULSES = 200  # simulated at each ratio
@@ -113,8 +114,8 @@ class Beside:
 
     def _send(self, line: str) -> None:
         self.terminal.write("\n")
-        memory = "?M" in line or "!M" in line  # these two end with a return
-        self._say(line + "\r" if memory else line)
+        ended = any(command in line for command in ENDED_BY_RETURN)
+        self._say(line + "\r" if ended else line)
 
     def hear(self, live: LiveReceiver) -> None:
         """Shows what the line said since the last time, while the terminal is in sight."""

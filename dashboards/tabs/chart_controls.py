@@ -71,6 +71,7 @@ class ChartControls:
             _path("Ship's positions beside it", tip),
             _button("Open positions"),
         )
+        self.channel = number("Channel", 1, "Of the recording, from 1", start=1)
         self.began = _path(
             "Recording began (UTC)", "2024-05-01T12:34:56.5; empty: as its head or its name tells"
         )
@@ -88,7 +89,13 @@ class ChartControls:
         self._where = {
             SURVEY: pn.Column(margin=0),
             RECORDING: pn.Column(
-                self.path, self.open_path, self.navigation, self.began, self.open_navigation, margin=0
+                self.path,
+                self.channel,
+                self.open_path,
+                self.navigation,
+                self.began,
+                self.open_navigation,
+                margin=0,
             ),
             SIMULATION: pn.Column(
                 self.seed,
@@ -177,6 +184,7 @@ class ChartControls:
             step=0.0001,
             format="0.0000",
         )
+        self.measured = _button("As the receiver's line tells")
         self.baud = choice("Baud", {str(rate): rate for rate in BAUD_RATES}, FIRST_BAUD)
         self.send = _button("Tell the receiver")
         self.feed = pmui.Checkbox(
@@ -249,7 +257,7 @@ class ChartControls:
                 self.attenuator, self.maxima, self.window, self.period, self.baud, self.send, self.feed, self.folder,
                 self.turnaround,
             ],
-            "Detector and sound": [self.detector, self.carrier, self.pulse, self.sample],
+            "Detector and sound": [self.detector, self.carrier, self.pulse, self.sample, self.measured],
             "Emulator": [self.scenario, self.rate, self.emulator_port],
             "Paper": [self.left_edge, self.history],
             "Hyperbola": [self.clock_sigma, self.unline],

@@ -90,7 +90,8 @@ class ChartFiles:
     def _play(self) -> None:
         shown = self._shown()
         if shown is None:
-            raise InputError("there is nothing on the paper to hear yet")
+            self.session.report(InputError("there is nothing on the paper to hear yet"))
+            return
         self.audio.param.update(
             object=folded_signal(shown.paper), sample_rate=TONE_RATE_HZ, visible=True, autoplay=True
         )

@@ -13,6 +13,7 @@ from dashboards.tabs.chart_sources import RecordedSound, SimulatedHuntSound, sto
 from dashboards.tabs.chart_words import deck_words, feed_words, position_notes, receiver_words
 from trackerlib.live.navigation_file import BeginUnknown, read_navigation_file
 from trackerlib.receiver.recording_start import instant_in
+from trackerlib.rounding import value_with_sigma
 from trackerlib.textfiles import InputError, decode_lines, read_bytes
 
 EMULATOR_RATE = 20.0  # of an emulator started here, unless told
@@ -64,12 +65,17 @@ class Inputs:
     def _open_recording(self, path: Path, name: str | None = None) -> None:
         if str(path) in ("", "."):
             raise InputError("name a recording on this machine, or use File, Open…")
-        sound = RecordedSound(path, name)
+        sound = RecordedSound(path, name, self.controls_.channel.value or 1)
         self._sounds[RECORDING] = sound
         self._show_as(RECORDING)
         self._hear_again()
         if self._navigation is not None:
             self._place_recording()
+
+    def _change_channel(self) -> None:
+        sound = self._sounds.get(RECORDING)
+        if isinstance(sound, RecordedSound):
+            self._open_recording(sound.path, sound.name)
 
     def _open_navigation(self, path: Path, name: str | None = None) -> None:
         if str(path) in ("", "."):
@@ -234,9 +240,26 @@ class Inputs:
         if self.kind == RECEIVER:
             live, status = self.live, self.live.status
             kept = "" if live.file is None or status is None else str(live.file)
-            words = receiver_words(status, len(live.followed[0]), live.unplaced, kept)
+            measured = (math.nan, math.nan) if status is None else live.receiver.measured_sample_interval_s
+            words = receiver_words(status, len(live.followed[0]), live.unplaced, kept, measured)
             feed = live.feed_status
             self.status_words.object = words if feed is None else f"{words}<br>{feed_words(feed)}"
+
+    def _take_measured(self) -> None:
+        """Fills in the sample interval that the line tells, for what is heard and connected from now on."""
+        receiver = self.live.receiver
+        interval_s, sigma_s = (
+            (math.nan, math.nan) if receiver is None else receiver.measured_sample_interval_s
+        )
+        if math.isnan(interval_s):
+            raise InputError(
+                "the sample interval is measured while a receiver is connected, from three periods on"
+            )
+        self.controls_.sample.value = round(1e3 * interval_s, 7)
+        told = value_with_sigma(1e3 * interval_s, 1e3 * sigma_s, "ms")
+        self.session.say(
+            f"Sample interval {told} by this machine's clock; a receiver is taken at it from Connect on"
+        )
 
     # -- the receiver's menus ------------------------------------------------------------------
 

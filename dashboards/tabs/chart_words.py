@@ -61,8 +61,13 @@ def position_notes(navigation: NavigationFile, name: str, roll: Roll | None, thr
     return notes + [f"{count} positions refused: {why}" for why, count in ship.fixes_refused]
 
 
-def receiver_words(status: SessionStatus | None, pings: int, unplaced: int, kept: str) -> str:
-    """How the receiver on its line does, as HTML."""
+def receiver_words(
+    status: SessionStatus | None, pings: int, unplaced: int, kept: str, sample_interval_s: tuple[float, float]
+) -> str:
+    """How the receiver on its line does, as HTML.
+
+    sample_interval_s : by the host's clock, and its standard error; NaN if not known
+    """
     if status is None:
         return (
             "<b>No receiver is connected.</b> Name its serial device or <code>tcp:HOST:PORT</code> and press Connect; "
@@ -75,6 +80,9 @@ def receiver_words(status: SessionStatus | None, pings: int, unplaced: int, kept
         f"{status.positions} positions; attenuation {attenuation}; {status.baud} baud.",
         f"{pings} pings followed and given to the beacon fix.",
     ]
+    if np.isfinite(sample_interval_s).all():
+        told = value_with_sigma(1e3 * sample_interval_s[0], 1e3 * sample_interval_s[1], "ms")
+        words.append(f"Sample interval by this machine's clock {told}.")
     if unplaced:
         words.append(f"{unplaced} more had no ship's position.")
     if status.no_position:

@@ -90,6 +90,32 @@ def test_the_menus_turn_the_receiver(tab):
     assert until(tab, lambda: "SIMULATED" in "".join(heard))
 
 
+def test_the_link_test_is_ended_by_the_key_that_ends_the_line(tab):
+    connect(tab)
+    assert until(tab, lambda: tab.live.status.periods > 0)
+    tab.beside.choice.value = "Terminal"
+    heard = []
+    tab.beside.terminal.param.watch(lambda event: heard.append(event.new), "output")
+    tab.beside._keyed(SimpleNamespace(new="#PTR !T1234 5678\r"))
+    assert until(tab, lambda: "DONE" in "".join(heard))
+    assert bytes(tab.live.emulator.line.line.receiver.memory[0x80:0x86]) == b"\x12\x34\0\0\x56\x78"
+
+
+def test_the_sample_interval_that_the_line_tells_is_said_and_taken(tab):
+    tab.controls_.measured.clicks += 1
+    assert "while a receiver is connected" in tab.session.message
+    connect(tab)
+    assert until(tab, lambda: tab.live.status.periods > 30)
+    tab.tick(0.1)
+    assert "Sample interval by this machine's clock" in tab.status_words.object
+    interval_s, sigma_s = tab.live.receiver.measured_sample_interval_s
+    assert 0 < sigma_s < 1e-5
+    assert interval_s == pytest.approx(1e-3, abs=5 * sigma_s)
+    tab.controls_.measured.clicks += 1
+    assert tab.controls_.sample.value == pytest.approx(1e3 * interval_s, abs=1e-6)
+    assert "±" in tab.session.message
+
+
 class UdpGps:
     """SIMULATED sentences of the emulated ship's own GPS, sent to a UDP port as they become due."""
 

@@ -270,6 +270,22 @@ def test_an_odd_recording_is_heard_and_says_so(
     session.close()
 
 
+def test_the_channel_of_a_stereo_recording_is_chosen(tmp_path, half_a_minute):
+    soundfile.write(tmp_path / "two.flac", np.column_stack([0 * half_a_minute, half_a_minute]), 24_000)
+    tab = ChartTab(session=Session())
+    tab.activate()
+    tab.controls_.path.value = str(tmp_path / "two.flac")
+    tab.controls_.open_path.clicks += 1
+    assert "channel 2 has sound" in tab.session.message
+    tab.controls_.channel.value = 2
+    assert not tab.session.failed, tab.session.message
+    assert "2 channels; heard channel 2" in tab.session.message
+    assert tab.paper.count == 15
+    tab.controls_.channel.value = 3
+    assert "found 2 channels, wanted number 3" in tab.session.message
+    assert tab.sound.channel == 2
+
+
 @pytest.fixture(scope="module")
 def brought_home(tmp_path_factory):
     """Half a simulated hunt as a recording, and the log of her GPS."""

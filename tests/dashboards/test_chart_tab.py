@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashboards.pictures.wet_paper import STRIP, VIEW, WetPaper
+from dashboards.pictures.wet_paper import LOOKS, STRIP, VIEW, WetPaper
 from dashboards.session import Session
 from dashboards.tabs.chart import ChartTab
 from trackerlib.receiver.chart import ChartSettings, chart_lines
@@ -114,6 +114,41 @@ def test_nudging_the_interval_folds_the_whole_paper_again(tab):
     assert tab.settings.interval_s == pytest.approx(2.001)
     assert tab.paper.across.end == pytest.approx(2.001)
     assert not np.array_equal(before, paper_of(tab.paper)[500])
+
+
+def test_look_and_contrast_change_colours_and_not_the_paper(tab):
+    before = tab.paper.shown().copy()
+    tab.controls_.look.value = "grey"
+    assert (tab.paper.colours.palette, tab.paper.colours.high) == (LOOKS["grey"], 255)
+    tab.controls_.contrast.value = 2.0
+    assert (tab.paper.colours.palette, tab.paper.colours.high) == (LOOKS["grey"], 127.5)
+    assert np.array_equal(tab.paper.shown(), before)
+    assert tab._on_paper().paper.lines.max() == 255  # what leaves the page is as dark as what is seen
+
+
+def test_another_number_of_lines_is_kept_and_the_newest_are_there(tab):
+    whole = paper_of(tab.paper)
+    tab.controls_.history.value = 500
+    count = len(tab.session.pings)
+    assert (tab.paper.first, tab.paper.count) == (count - 500, count)
+    assert np.array_equal(tab.paper.shown(), [whole[k] for k in range(count - 500, count)])
+    assert list(tab.strip.source.data["line"]) == list(range(count - 500, count))
+    tab.controls_.history.value = 2000
+    assert tab.paper.first == 0
+    assert paper_of(tab.paper).keys() == whole.keys()
+
+
+def test_clear_bares_the_paper_and_nothing_can_be_heard_of_it(tab):
+    tab.controls_.clear.clicks += 1
+    assert (tab.session.heard, tab.paper.count, len(tab.paper.shown())) == (0, 0, 0)
+    assert not any(strip.any() for strip in tab.paper.source.data["image"])
+    tab.files.hear.clicks += 1
+    assert tab.session.failed
+    assert "nothing on the paper to hear" in tab.session.message
+    tab.controls_.at_once.clicks += 1
+    assert tab.paper.count == len(tab.session.pings)
+    tab.files.hear.clicks += 1
+    assert tab.files.audio.visible
 
 
 def test_an_interval_that_makes_no_sense_is_told_and_changes_nothing(tab):

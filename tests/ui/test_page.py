@@ -70,6 +70,30 @@ def test_two_browsers_never_see_each_others_state(server, open_page):
     assert other.locator(used).first.inner_text() == whole
 
 
+def test_the_line_pointed_at_shows_the_ship_on_the_map(server, open_page):
+    page, record = open_page(server.url)
+    show(page, "Wet-paper chart")
+    paper = page.locator(".bk-Figure").first.bounding_box()
+    find = "Bokeh.documents[0].get_model_by_name"
+    places = []
+    for share in (0.3, 0.6):
+        page.mouse.move(paper["x"] + 0.5 * paper["width"], paper["y"] + share * paper["height"], steps=4)
+        page.wait_for_function(f"{find}('ship pointed at').data.x.length === 1", timeout=5_000)
+        line = page.evaluate(f"Math.floor({find}('line pointed at').data.y[0])")
+        beside = page.evaluate(
+            f"(() => {{ const d = {find}('line values').data; const k = d.line.indexOf({line});"
+            " return [d.ship_x[k], d.ship_y[k]]; })()"
+        )
+        places.append(
+            page.evaluate(
+                f"(() => {{ const d = {find}('ship pointed at').data; return [d.x[0], d.y[0]]; }})()"
+            )
+        )
+        assert places[-1] == beside
+    assert places[0] != places[1]
+    assert record.errors == []
+
+
 def test_keys_play_save_undo(server, open_page):
     page, record = open_page(server.url)
     show(page, "Beacon fix")

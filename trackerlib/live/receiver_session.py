@@ -32,7 +32,7 @@ from trackerlib.live.receiver_poller import PollingSettings, ReceiverPoller
 from trackerlib.live.sail_host import SailHost
 from trackerlib.live.session_file import SessionFile
 from trackerlib.receiver.arrivals import Arrivals
-from trackerlib.receiver.periods import Period, arrivals_of, receiver_start
+from trackerlib.receiver.periods import Period, arrivals_of, measured_sample_interval, receiver_start
 from trackerlib.receiver.sail import (
     BAUD_RATES,
     RECEIVER,
@@ -127,6 +127,10 @@ class ReceiverSession:
         self._state, self._words = "stopped", ""
         self._run, self._faults = runs, 0
         self._typed_to = RECEIVER
+        self._measured, self._measured_of = (
+            (math.nan, math.nan),
+            (runs, 0),
+        )  # sample interval; run and periods
         self._began_s = self._late_s = (
             math.nan
         )  # when the run began by the host's clock; how late positions come
@@ -179,6 +183,21 @@ class ReceiverSession:
         As in `hunt`, but without looking at everything heard; it falls a little while better ties come.
         """
         return self._late_s - self._began_s
+
+    @property
+    def measured_sample_interval_s(self) -> tuple[float, float]:
+        """Sample interval by the host's clock and its standard error, of this run; NaN before there are periods.
+
+        Looked at anew once a tenth more periods have come.
+        """
+        run, had = self._run, len(self._periods)
+        if (run, had) != self._measured_of and (
+            run != self._measured_of[0] or had > 1.1 * self._measured_of[1]
+        ):
+            with self._lock:
+                periods = tuple(self._periods)
+            self._measured_of, self._measured = (run, had), measured_sample_interval(periods)
+        return self._measured
 
     @property
     def status(self) -> SessionStatus:
