@@ -35,6 +35,7 @@ class WetPaper:
 
     def __init__(self, columns: int, history: int = 1000):
         self.columns, self.history = columns, history
+        self.view_lines = VIEW
         self.strips = -(-history // STRIP) + 1  # one spare: the one being filled
         self.first = self.count = 0  # lines from `first` to `count` have been added
         self._paper = np.zeros((self.strips, STRIP, columns), np.uint8)
@@ -221,7 +222,7 @@ class WetPaper:
     def _newest(self) -> tuple[float, float]:
         """Bottom and top of the view that stands at the newest line."""
         bottom = float(max(self.count, self.first + LEAST_SHOWN))
-        return bottom, max(float(self.first), bottom - VIEW)
+        return bottom, max(float(self.first), bottom - self.view_lines)
 
     def _stand_at_the_newest(self) -> None:
         bottom, top = self._newest()

@@ -12,7 +12,7 @@ from panel_splitjs import Split
 
 from dashboards.pictures.chart_map import ChartMap
 from dashboards.pictures.line_strip import LineStrip
-from dashboards.pictures.wet_paper import WetPaper
+from dashboards.pictures.wet_paper import VIEW, WetPaper
 from dashboards.tabs.chart_beside import Beside
 from dashboards.tabs.chart_controls import (
     COLUMNS,
@@ -76,7 +76,7 @@ class ChartTab(Inputs, TraceActions, Tab):
         self.files = ChartFiles(self.session, self._on_paper)
         self.beside = Beside(self.session, self._type)
         self.roll: Roll | None = None
-        self._drawn: Roll | None = None  # what lies on the paper
+        self._drawn = ""  # source of what lies on the paper
         self.sound: SoundSource | None = None
         self._rolls: dict[str, Roll] = {}  # of each kind of source, so that a look at another loses nothing
         self._sounds: dict[str, SoundSource] = {}
@@ -224,14 +224,16 @@ class ChartTab(Inputs, TraceActions, Tab):
         if self.roll is None:
             self.paper.clear(self.settings.interval_s)
             self.strip.clear()
-            self._drawn = None
+            self._drawn = ""
             return
         first, stop, history = self.paper.count, self._stop(), self.paper.history
         if again or stop < first or stop - first > history:
             first = max(stop - history, 0)
-            self.paper.clear(self.settings.interval_s, first, stop > first and self._drawn is self.roll)
+            self.paper.view_lines = history if self.kind == SURVEY else VIEW
+            same = stop > first and self._drawn == self.roll.source
+            self.paper.clear(self.settings.interval_s, first, keep_view=same)
             self.strip.clear()
-        self._drawn = self.roll
+        self._drawn = self.roll.source
         if stop <= first:
             return
         roll, settings = self.roll, self.settings

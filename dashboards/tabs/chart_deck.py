@@ -74,9 +74,7 @@ class LiveDeck:
 
     def _begin_hunt(self) -> None:
         session = self.session
-        if (
-            session.pings is not None and session.pings.simulated
-        ):  # the demo's water is not that of a real hunt
+        if session.pings is not None and session.pings.simulated:  # the demo's water is not real
             session.fix_settings = replace(session.fix_settings, profile=None)
         self._queue = session.listen(f"deck unit on {self._feeds[0].name}")
 
@@ -93,8 +91,5 @@ class LiveDeck:
         if file is None:
             return ""
         file.close()
-        return (
-            f"{file.path}: {file.lost_rows} rows of what was heard could not be kept"
-            if file.lost_rows
-            else ""
-        )
+        lost = file.lost_rows
+        return f"{file.path}: {lost} rows of what was heard could not be kept" if lost else ""

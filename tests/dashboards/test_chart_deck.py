@@ -71,6 +71,7 @@ def test_from_its_lines_to_pings_and_a_file(tab):
     slant_m = np.linalg.norm(np.asarray(there) - BEACON_M, axis=1)
     assert np.abs(slant_m - SOUND_MPS * pings.travel_time_s).max() < 2.0
     assert tab.paper.count == len(pings)
+    assert tab.paper.lines.end == 0
     tab.controls_.connect.clicks += 1
     assert tab.controls_.connect.label == "Connect"
     assert len(read_session(path).ranges) == tab.deck.placer.ranges
