@@ -14,7 +14,7 @@ import numpy as np
 from trackerlib.compiled import compiled, in_threads, warms
 
 ALONE, UNPLACED, TOO_FAR, ALONE_IN_RANGE, KEPT = range(5)  # where a report ends
-_BEYOND = 1 << 40  # above any row
+_BEFORE, _BEYOND = np.int64(-1), np.int64(1 << 40)  # below and above any row
 _FEWEST = 50_000  # reports for which a thread of its own is worth its start
 
 
@@ -88,13 +88,16 @@ def _judge(point_count, array, position, place, limit, first, stop, verdict):
     size, start = np.uint64(len(verdict)), np.uint64(0)
     while start < size:
         one, end = point_count[start], start
-        low = kept_low = np.int64(_BEYOND)
-        high = kept_high = np.int64(-1)
+        low = kept_low = _BEYOND
+        high = kept_high = _BEFORE
         while end < size and point_count[end] == one:
             row = np.int64(array[end])
             near = verdict[end] == KEPT
             low, high = min(low, row), max(high, row)
-            kept_low, kept_high = min(kept_low, row if near else _BEYOND), max(kept_high, row if near else -1)
+            kept_low, kept_high = (
+                min(kept_low, row if near else _BEYOND),
+                max(kept_high, row if near else _BEFORE),
+            )
             end += np.uint64(1)
         if low == high:
             verdict[start:end] = ALONE
