@@ -9,7 +9,7 @@ from dataclasses import asdict
 import numpy as np
 
 from trackerlib.beacon.convergence import Step
-from trackerlib.beacon.planning import ErrorBudget
+from trackerlib.beacon.error_budget import ErrorBudget
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.commands.fix_document import document
 from trackerlib.frames import degrees_minutes, utm

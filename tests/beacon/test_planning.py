@@ -9,13 +9,13 @@ import gpxpy
 import numpy as np
 import pytest
 
+from trackerlib.beacon.error_budget import error_budget
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.paths import StraightPaths
 from trackerlib.beacon.planning import (
     Leg,
     Survey,
     accuracy_map,
-    error_budget,
     plan_next_leg,
     surveys_so_far,
     time_to_reach,
@@ -43,13 +43,42 @@ def survey(seed=0, legs=LEGS, gps_rms_m=3.0):
     )
 
 
-@pytest.mark.parametrize("told", [3.0, None])
-def test_the_forecast_of_now_is_what_the_fix_states(told):
-    how = replace(SETTINGS, gps_rms_m=told)
-    pings = survey()
+CLOCK = {"interval_s": 4.0, "estimate_interval": True}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"gps_rms_m": None},
+        CLOCK,
+        CLOCK | {"estimate_interval_drift": True},
+        CLOCK | {"gps_rms_m": None, "motion": "vertical"},
+        {"antenna_sigma_m": (8.0, 3.0)},
+        {"gps_rms_m": None, "antenna_sigma_m": (8.0, 3.0)},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("heading_known", [False, True])
+def test_the_forecast_of_now_is_what_the_fix_states(changes, heading_known):
+    how, pings = replace(SETTINGS, **changes), survey()
+    if heading_known:
+        pings = replace(pings, heading_rad=np.linspace(0.0, 2.0, len(pings)))
     fix = fix_beacon(pings, how)
-    now = plan_next_leg(pings, fix, how).now
-    assert np.sqrt(np.diag(now)) == pytest.approx(fix.sigma, rel=0.1)
+    assert np.sqrt(np.diag(surveys_so_far(pings, fix, how)[0].now)) == pytest.approx(
+        fix.present.sigma, rel=0.1
+    )
+
+
+def test_a_leg_knows_the_antenna_s_error_by_its_heading():
+    pings = survey()
+    how = replace(SETTINGS, antenna_sigma_m=(8.0, 0.0))
+    leg = Leg(np.array([900.0, 800.0]), np.array([900.0, 1800.0]), 3.0)
+    unknown, known = (
+        surveys_so_far(one, fix_beacon(one, how), how)[0].after(leg)
+        for one in (pings, replace(pings, heading_rad=np.zeros(len(pings))))
+    )
+    assert known.rms_m < 0.8 * unknown.rms_m
 
 
 def test_the_spread_of_whole_fixes_after_a_leg_is_the_forecast():
@@ -113,9 +142,9 @@ def test_the_spread_of_many_fixes_is_what_was_forecast(legs, velocity, gps_rms_m
         time_sigma_s=time_rms,
         gps_rms_m=np.array(gps_rms_m),
         speed_sigma_mps=0.0,
-        widened=1.0,
+        widened=np.eye(3 if velocity is None else 6),
         interval_s=interval,
-        emission_known=False,
+        clock_terms=1,
         gps_correlation_s=correlation_s,
     )
     forecast = told.forecast(ship, elapsed, elapsed[-1])
@@ -194,6 +223,7 @@ def test_a_moving_beacon_s_present_place_is_best_known_at_some_time():
     moving = replace(
         base,
         motion_kind="free",
+        widened=np.eye(6),
         beacon=np.array(SCENARIOS[5].position),
         velocity=np.array([0.5, -0.5, 0.0]),
         interval_s=2.0,
@@ -204,18 +234,22 @@ def test_a_moving_beacon_s_present_place_is_best_known_at_some_time():
     seconds = turning_point(moving, points.ship[:, :2], every=60)
     assert seconds is not None
     assert 600 < seconds < 4800
-    still = replace(moving, motion_kind="still", velocity=np.zeros(3))
+    still = replace(moving, motion_kind="still", velocity=np.zeros(3), widened=np.eye(3))
     assert turning_point(still, points.ship[:, :2], every=60) is None
 
 
-def test_the_shares_of_an_error_budget_make_up_the_sigma():
+@pytest.mark.parametrize("changes", [{}, {"gps_rms_m": None}, {"antenna_sigma_m": (8.0, 3.0)}], ids=str)
+def test_the_shares_of_an_error_budget_make_up_the_sigma(changes):
     pings = survey()
-    how = replace(SETTINGS, sound_speed_sigma_mps=2.0)
+    how = replace(SETTINGS, sound_speed_sigma_mps=2.0, **changes)
     fix = fix_beacon(pings, how)
     budget = error_budget(pings, fix, how)
     total = np.sqrt(sum(np.square(part) for part in (budget.ship_position, budget.time, budget.sound_speed)))
     assert total == pytest.approx(fix.sigma, rel=1e-6)
-    assert budget.ship_position[0] > budget.time[0]  # 3 m against 0.3 ms
+    alone = fix_beacon(survey(gps_rms_m=0.0), replace(how, gps_rms_m=0.0, antenna_sigma_m=(0.0, 0.0)))
+    by_time = np.sqrt(np.diag(alone.uncertainty.noise_covariance)[:3])
+    assert budget.time == pytest.approx(by_time, rel=0.5)  # of a fix of errors of time alone
+    assert np.less(budget.time, budget.ship_position).all()  # 3 m against 0.3 ms
 
 
 @pytest.mark.parametrize(("name", "value"), [("budget_s", 1.0), ("speed_mps", 0.0)])

@@ -3,7 +3,7 @@
     plan = plan_next_leg(pings, fix, settings, budget_s=1800)
     plan.best.ellipse, plan.best.words
 
-Fisher information of all pings, heard and expected, about place, motion, emission time and speed of sound, in the
+Fisher information of all pings, heard and expected, about place, motion, the pinger's clock and speed of sound, in the
 linear picture that every stated ellipse uses. Candidates go out in all directions from where the ship is; one goes
 straight over the beacon, always. After Wojcik (1993), chapters IV and VI, which found such legs to help most.
 """
@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackerlib.beacon.motion import Motion, motion_over
+from trackerlib.beacon.motion import FREE_DIRECTIONS, Motion, motion_over
 from trackerlib.beacon.paths import Paths, paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix, time_sigma
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
-from trackerlib.beacon.uncertainty import Ellipse, SlowErrors, ellipse95, wider
+from trackerlib.beacon.uncertainty import AntennaErrors, Ellipse, SlowErrors, ellipse95, wider
 from trackerlib.frames import bearing_deg
 from trackerlib.rounding import decimals_for
 
@@ -118,6 +118,16 @@ class Plan:
 
 
 @dataclass(frozen=True, eq=False)
+class _Linear:
+    """How the free directions of a state follow from the times, to first order, the clock following."""
+
+    gradient: np.ndarray  # (N, 3) [s/m] of the travel times by place
+    gain: np.ndarray  # (N, K) [m/s] of the state by each time
+    inverse: np.ndarray  # (K, K) [m^2] covariance from independent errors as stated
+    by_speed: np.ndarray  # (K,) [m] per m/s of mean sound speed
+
+
+@dataclass(frozen=True, eq=False)
 class Survey:
     """Pings heard, and what is assumed of those to come."""
 
@@ -130,46 +140,78 @@ class Survey:
     time_sigma_s: float
     gps_rms_m: float | np.ndarray  # per axis, or (2,) east and north; 0 where it is part of time_sigma_s
     speed_sigma_mps: float
-    widened: float  # variance over that of independent pings
+    widened: np.ndarray  # (K, K) what turns errors of independent pings into those that residuals tell
     interval_s: float  # between pings to come
-    emission_known: bool
+    clock_terms: int  # unknowns of the pinger's clock: emission time, interval, drift
     gps_correlation_s: float | None = (
         None  # of the ship's errors, independent from ping to ping where it is None
     )
+    antenna_sigma_m: tuple[float, float] = (0.0, 0.0)  # level and vertical
+    heading_rad: np.ndarray | None = None  # (N,) None: not known
 
-    def forecast(self, ship: np.ndarray, elapsed_s: np.ndarray, at_s: float) -> np.ndarray:
-        """Covariance (3, 3) [m^2] of the beacon's place at an instant, from pings heard at ship (N, 3)."""
+    @property
+    def last_s(self) -> float:
+        """When the last ping was heard [s]."""
+        return float(np.max(self.elapsed_s))
+
+    @property
+    def now(self) -> np.ndarray:
+        """Covariance (3, 3) [m^2] of the beacon's place at the last ping."""
+        return self.forecast(self.ship, self.elapsed_s, self.last_s, self.heading_rad)
+
+    def forecast(
+        self, ship: np.ndarray, elapsed_s: np.ndarray, at_s: float, heading_rad: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Covariance (3, 3) [m^2] of the beacon's place at an instant, from pings heard at ship (N, 3).
+
+        heading_rad : (N,) of the bow, None where it is not known; only an antenna's error asks for it
+        """
         motion = motion_over(self.motion_kind, elapsed_s)
-        noise, by_speed = self._linear(ship, elapsed_s, motion)
-        step = motion.at(at_s)[:3]
-        covariance = noise + self.speed_sigma_mps**2 * np.outer(by_speed, by_speed)
+        linear = self._linear(ship, elapsed_s, motion)
+        noise = self.widened @ linear.inverse @ self.widened
+        if (slow := self._slow_errors(elapsed_s)) is not None:
+            noise = wider(noise, slow.moved_by(linear.gradient[:, :2, None] * linear.gain[:, None, :]))
+        if any(self.antenna_sigma_m):
+            noise = noise + AntennaErrors(*self.antenna_sigma_m, heading_rad).moved_by(
+                linear.gradient, linear.gain
+            )
+        covariance = noise + self.speed_sigma_mps**2 * np.outer(linear.by_speed, linear.by_speed)
+        step = motion.at(at_s)[:3] @ motion.axes.T
         return step @ covariance @ step.T
 
-    def _linear(self, ship, elapsed_s, motion: Motion):
+    def independent(self) -> tuple[np.ndarray, np.ndarray]:
+        """Covariances (K, K) of the state from independent errors: as stated [m^2], and from times alone [m^2 / s^2]."""
+        linear = self._linear(self.ship, self.elapsed_s, self.motion)
+        return linear.inverse, linear.gain.T @ linear.gain
+
+    @property
+    def motion(self) -> Motion:
+        """How the beacon moves over the pings heard."""
+        return motion_over(self.motion_kind, self.elapsed_s)
+
+    def _linear(self, ship, elapsed_s, motion: Motion) -> _Linear:
         place = self.beacon + elapsed_s[:, None] * self.velocity
         time, gradient = (value[0] for value in self.paths.times(place[None], ship))
         seen = np.isfinite(time)
-        gradient = np.where(seen[:, None], gradient, 0.0)
+        gradient, time = np.where(seen[:, None], gradient, 0.0), np.where(seen, time, 0.0)
         variance = self.time_sigma_s**2 + gradient[:, :2] ** 2 @ np.broadcast_to(self.gps_rms_m, 2) ** 2
         weight = np.where(seen, 1 / np.where(seen, variance, 1.0), 0.0)
+        shares = motion_over("free", elapsed_s).shares(elapsed_s)
         slope = gradient
         if motion.moving:
-            slope = np.hstack([slope, motion.shares(elapsed_s)[:, None] * slope])
+            slope = np.hstack([slope, shares[:, None] * slope])
         slope = slope @ motion.axes.T
-        time = np.where(seen, time, 0.0)
-        if not self.emission_known:
-            total = max(weight.sum(), 1e-300)
-            slope = slope - weight @ slope / total
-            time = time - weight @ time / total
-        information = (slope * weight[:, None]).T @ slope
-        inverse = np.linalg.inv(information + np.eye(len(information)) / UNSEEN_M**2)
+        if self.clock_terms:
+            root = np.sqrt(weight)[:, None]
+            clock = np.linalg.qr(root * shares[:, None] ** np.arange(self.clock_terms))[0]
+            both = root * np.column_stack([slope, time])
+            both = (both - clock @ (clock.T @ both)) / np.maximum(root, 1e-30)
+            slope, time = both[:, :-1], both[:, -1]
+        weighted = slope * weight[:, None]
+        inverse = np.linalg.inv(weighted.T @ slope + np.eye(slope.shape[1]) / UNSEEN_M**2)
+        gain = weighted @ inverse
         mean_speed = self.paths.mean_speed(max(-float(self.beacon[2]), 0.0))
-        by_speed = inverse @ (slope.T @ (weight * time)) / mean_speed
-        noise = self.widened * inverse
-        if (slow := self._slow_errors(elapsed_s)) is not None:
-            gain = (slope * weight[:, None]) @ inverse
-            noise = wider(noise, slow.moved_by(gradient[:, :2, None] * gain[:, None, :]))
-        return motion.axes.T @ noise @ motion.axes, by_speed @ motion.axes
+        return _Linear(gradient, gain, inverse, gain.T @ time / mean_speed)
 
     def _slow_errors(self, elapsed_s: np.ndarray) -> SlowErrors | None:
         """The ship's errors that hang together in time: those told, or what a fix assumes where none are."""
@@ -184,10 +226,13 @@ class Survey:
         expected = np.arange(self.interval_s, leg.duration_s + 1e-9, self.interval_s)
         along = (expected / max(leg.duration_s, 1e-9))[:, None]
         place = leg.start + along * (leg.end - leg.start)
-        last = float(np.max(self.elapsed_s))
         ship = np.vstack([self.ship, np.column_stack([place, np.full(len(place), self.ship[-1, 2])])])
-        elapsed = np.concatenate([self.elapsed_s, last + expected])
-        return Forecast(leg, self.forecast(ship, elapsed, last + leg.duration_s), len(expected))
+        elapsed = np.concatenate([self.elapsed_s, self.last_s + expected])
+        heading = self.heading_rad
+        if heading is not None:
+            heading = np.concatenate([heading, np.full(len(expected), np.radians(leg.bearing_deg))])
+        at_end = self.forecast(ship, elapsed, self.last_s + leg.duration_s, heading)
+        return Forecast(leg, at_end, len(expected))
 
 
 def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[Survey]:
@@ -225,12 +270,37 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
         time_sigma_s=scale * time_sigma(pings, settings) if told.any() else rms,
         gps_rms_m=scale * told,
         speed_sigma_mps=settings.speed_sigma_mps,
-        widened=1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length,
+        widened=np.eye(len(FREE_DIRECTIONS[settings.motion])),
         interval_s=float(np.median(apart)) if len(apart) else USUAL_INTERVAL_S,
-        emission_known=settings.emission_known,
+        clock_terms=settings.clock_terms,
         gps_correlation_s=settings.gps_correlation_s,
+        antenna_sigma_m=settings.antenna_sigma_m,
+        heading_rad=None if pings.heading_rad is None else pings.heading_rad[used],
     )
+    one = replace(one, widened=_widened(one, fix))
     return [replace(one, beacon=place) for place in places]
+
+
+def _widened(survey: Survey, fix: BeaconFix) -> np.ndarray:
+    """What turns the errors of the best estimator of independent pings (K, K) into those that residuals tell.
+
+    Wider where residuals hang together in time, where pings are few, and where bias had to be taken out.
+    """
+    if fix.uncertainty is None:
+        return survey.widened
+    told = fix.uncertainty.residual_covariance
+    if not fix.converged or told is None:
+        return np.sqrt(fix.uncertainty.correlation.length) * survey.widened
+    back = survey.motion.axes @ np.linalg.inv(survey.motion.at(0.0))
+    half, inverse = _roots(survey.independent()[0])
+    return inverse @ _roots(half @ back @ told @ back.T @ half)[0] @ inverse
+
+
+def _roots(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The symmetric square root (K, K) of a covariance, and the inverse of that."""
+    values, vectors = np.linalg.eigh(covariance)
+    values = np.sqrt(np.maximum(values, 1e-12))
+    return (vectors * values) @ vectors.T, (vectors / values) @ vectors.T
 
 
 def plan_next_leg(
@@ -255,8 +325,7 @@ def plan_next_leg(
         leg for other in surveys[1:] for leg in candidate_legs(other, budget_s, speed_mps) if leg.over_beacon
     ]
     forecasts = sorted((forecast_leg(surveys, leg) for leg in legs), key=lambda forecast: forecast.rms_m)
-    first = surveys[0]
-    return Plan(tuple(forecasts), first.forecast(first.ship, first.elapsed_s, float(np.max(first.elapsed_s))))
+    return Plan(tuple(forecasts), surveys[0].now)
 
 
 def forecast_leg(surveys: list[Survey], leg: Leg) -> Forecast:
@@ -335,50 +404,3 @@ def turning_point(survey: Survey, track: np.ndarray, every: int = 1) -> float | 
     counts, errors = error_over_time(survey, track, every)
     best = int(np.argmin(errors))
     return None if best == len(counts) - 1 else float(survey.interval_s * (counts[best] - 1))
-
-
-@dataclass(frozen=True)
-class ErrorBudget:
-    """Standard errors (east, north, depth) [m] from each cause alone; their squares add up."""
-
-    ship_position: tuple[float, float, float]
-    time: tuple[float, float, float]
-    sound_speed: tuple[float, float, float]
-
-
-def error_budget(pings: Pings, fix: BeaconFix, settings: FixSettings) -> ErrorBudget:
-    """How much of each sigma of a fix comes from ship positions, from times, and from the speed of sound.
-
-    Where the ship's error is not told, what the logging step of the times does not explain is the ship's.
-    The shares are scaled so that all three make up the sigmas stated.
-    Raises ValueError for a fix without a position or uncertainty.
-    """
-    uncertainty = fix.uncertainty
-    if uncertainty is None:
-        raise ValueError(f"there is no uncertainty to share out: {fix.reason}")
-    survey = surveys_so_far(pings, fix, settings)[0]
-    times = time_sigma(pings, settings)
-    share_of_time = np.full(3, min(times / max(uncertainty.rms_s, 1e-12), 1.0) ** 2)
-    if settings.gps_rms_m:
-        both = np.diag(survey.forecast(survey.ship, survey.elapsed_s, 0.0))
-        alone = replace(survey, time_sigma_s=1e-9)
-        ship = np.diag(alone.forecast(alone.ship, alone.elapsed_s, 0.0))
-        share_of_time = np.clip(1 - ship / np.maximum(both, 1e-300), 0.0, 1.0)
-    noise = np.diag(uncertainty.noise_covariance)[:3]
-    speed = np.abs(uncertainty.by_sound_speed[:3]) * uncertainty.speed_sigma_mps
-
-    def three(values) -> tuple[float, float, float]:
-        east, north, depth = (float(value) for value in values)
-        return east, north, depth
-
-    return ErrorBudget(
-        three(np.sqrt(noise * (1 - share_of_time))), three(np.sqrt(noise * share_of_time)), three(speed)
-    )
-
-
-def budget_words(budget: ErrorBudget, sigma: np.ndarray) -> str:
-    """The greatest cause of the depth's sigma, in words."""
-    parts = {"ship position": budget.ship_position, "time": budget.time, "sound speed": budget.sound_speed}
-    worst = max(parts, key=lambda name: parts[name][2])
-    share = 100 * (parts[worst][2] / float(sigma[2])) ** 2
-    return f"{share:.0f} % of the depth's variance comes from {worst} ({rounded(parts[worst][2])} m)"

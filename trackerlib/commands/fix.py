@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from trackerlib.beacon.choice import compare_models, usual_models
+from trackerlib.beacon.error_budget import error_budget
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.intervals import bootstrap_intervals, interval_words, profile_intervals
 from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.navigation import PositionLimits, pings_of_stream, ship_at_receptions
 from trackerlib.beacon.pairs import LEAST_EXPERIMENTS
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.planning import error_budget
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import METHODS, FixSettings
 from trackerlib.commands.fix_document import document, step_document
