@@ -241,7 +241,7 @@ class BeaconTab(Tab):
         texts = position_texts(fix)
         for name, copy in self.copies.items():
             copy.text = texts.get(name, "")
-            copy.visible = bool(texts)
+            copy.visible = name in texts
 
     def _look_closer(self, fix: BeaconFix) -> None:
         """What each ping moves and where the sigma comes from, off the event loop."""

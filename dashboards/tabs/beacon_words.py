@@ -156,15 +156,18 @@ def edits_table(reasons: dict[int, str]) -> str:
 
 
 def position_texts(fix: BeaconFix) -> dict[str, str]:
-    """The position as people copy it: decimal degrees, degrees and minutes, UTM, and all numbers as JSON."""
+    """The position as people copy it: decimal degrees, degrees and minutes, UTM where it is defined, and JSON."""
     if fix.position is None:
         return {}
     now = fix.present
-    zone, easting, northing = utm(now.lat_deg, now.lon_deg)
+    grid = {}
+    if -80 <= now.lat_deg <= 84:
+        zone, easting, northing = utm(now.lat_deg, now.lon_deg)
+        grid = {"UTM": f"{zone} {easting:.2f} E {northing:.2f} N (WGS 84)"}
     return {
         "degrees": f"{now.lat_deg:.8f}, {now.lon_deg:.8f}",
         "minutes": f"{degrees_minutes(now.lat_deg, 'NS')}, {degrees_minutes(now.lon_deg, 'EW')}",
         "seconds": degrees_minutes_seconds(now.lat_deg, now.lon_deg),
-        "UTM": f"{zone} {easting:.2f} E {northing:.2f} N (WGS 84)",
+        **grid,
         "everything": json.dumps(document(fix)),
     }

@@ -16,6 +16,7 @@ from trackerlib.beacon.planning import (
     Leg,
     Survey,
     accuracy_map,
+    candidate_legs,
     plan_next_leg,
     surveys_so_far,
     time_to_reach,
@@ -182,6 +183,23 @@ def test_a_leg_over_the_beacon_is_always_among_the_candidates_and_the_best_comes
     (along_x, along_y), (x, y) = leg.end - leg.start, fix.position[:2] - leg.start
     assert abs(along_x * y - along_y * x) / leg.length_m < 1
     assert all(forecast.leg.duration_s <= 1200.0 + 1e-6 for forecast in plan.forecasts)
+
+
+@pytest.mark.parametrize("velocity", [(0.8, -0.6, 0.0), (-1.5, 0.7, 0.2), (0.0, 0.0, 0.5)])
+def test_a_leg_over_a_moving_beacon_meets_it(velocity):
+    pings = survey()
+    fix = fix_beacon(pings, SETTINGS)
+    base = surveys_so_far(pings, fix, SETTINGS)[0]
+    moving = replace(base, motion_kind="free", velocity=np.array(velocity), widened=np.eye(6))
+    over = [leg for leg in candidate_legs(moving, 1800.0, 4.0) if leg.over_beacon]
+    assert over
+    for leg in over:
+        seconds = np.arange(0.0, leg.duration_s, 0.05)[:, None]
+        ship = leg.start + seconds / leg.duration_s * (leg.end - leg.start)
+        there = moving.beacon[:2] + (moving.last_s + seconds) * moving.velocity[:2]
+        assert np.linalg.norm(ship - there, axis=1).min() < 1
+    fast = replace(moving, velocity=5.0 * (moving.beacon - [*over[0].start, 0.0]) / 1000)
+    assert not any(leg.over_beacon for leg in candidate_legs(fast, 1800.0, 1.0))
 
 
 def test_after_a_straight_line_the_plan_leaves_the_line():

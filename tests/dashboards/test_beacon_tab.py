@@ -16,6 +16,7 @@ from dashboards.tabs.beacon_edits import OTHER
 from dashboards.tabs.beacon_words import position_texts, sentence, table
 from trackerlib.beacon.choice import usual_estimators, usual_models
 from trackerlib.beacon.pings import Ping
+from trackerlib.frames import LocalFrame
 from trackerlib.receiver.hyperbola import BearingLine
 
 
@@ -200,6 +201,14 @@ def test_positions_are_given_as_people_use_them(tab):
     assert texts["UTM"].startswith("19N ")
     assert json.loads(texts["everything"])["converged"] is True
     assert tab.copies["UTM"].text == texts["UTM"]
+
+
+@pytest.mark.parametrize("lat_deg", [88.5, -80.5])
+def test_near_a_pole_there_is_no_utm_and_all_else_is_told(tab, lat_deg):
+    tab.session.fix = fix = replace(tab.session.fix, frame=LocalFrame(lat_deg, -66.0))
+    assert set(position_texts(fix)) == {"degrees", "minutes", "seconds", "everything"}
+    assert not tab.copies["UTM"].visible
+    assert tab.copies["degrees"].visible
 
 
 def test_export_is_the_answer_of_the_command(tab):

@@ -180,7 +180,7 @@ class Survey:
         return step @ covariance @ step.T
 
     def independent(self) -> tuple[np.ndarray, np.ndarray]:
-        """Covariances (K, K) of the state from independent errors: as stated [m^2], and from times alone [m^2 / s^2]."""
+        """Covariances (K, K) of the state from independent errors as stated [m^2], and from times alone [m^2/s^2]."""
         linear = self._linear(self.ship, self.elapsed_s, self.motion)
         return linear.inverse, linear.gain.T @ linear.gain
 
@@ -334,19 +334,43 @@ def forecast_leg(surveys: list[Survey], leg: Leg) -> Forecast:
 
 
 def candidate_legs(survey: Survey, budget_s: float, speed_mps: float) -> list[Leg]:
-    """Legs within a time budget in BEARINGS directions from the last ping, the ones over the beacon first."""
+    """Legs within a time budget in BEARINGS directions from the last ping, the ones over the beacon first.
+
+    Those lead over where a moving beacon will be when the ship comes there.
+    """
     start, reach = survey.ship[-1, :2], budget_s * speed_mps
-    last = float(np.max(survey.elapsed_s))
-    there = (survey.beacon + last * survey.velocity)[:2] - start
+    there = (survey.beacon + survey.last_s * survey.velocity)[:2] - start
+    meeting_s = time_to_meet(there, survey.velocity[:2], speed_mps)
+    if meeting_s is not None:
+        there = there + meeting_s * survey.velocity[:2]
     distance = float(np.linalg.norm(there))
+    over = 0.0 if meeting_s is None else min(1.2 * distance / reach, 1.0)
     course = there / distance if distance > 1 else np.array([0.0, 1.0])
     angles = 2 * np.pi * np.arange(BEARINGS) / BEARINGS
     courses = [course, *np.column_stack([np.sin(angles), np.cos(angles)])]
     return [
-        Leg(start, start + share * reach * way, speed_mps, over_beacon=k == 0 and share * reach >= distance)
+        Leg(
+            start,
+            start + share * reach * way,
+            speed_mps,
+            over_beacon=k == 0 and over > 0 and share * reach >= distance,
+        )
         for k, way in enumerate(courses)
-        for share in sorted({*SHARES, 1.0 if k else min(1.2 * distance / reach, 1.0)})
+        for share in sorted({*SHARES, over if k == 0 and over else 1.0})
     ]
+
+
+def time_to_meet(there: np.ndarray, velocity: np.ndarray, speed_mps: float) -> float | None:
+    """Least time [s] in which a ship meets what is at there (2,) [m] and moves; None if it runs away."""
+    a = velocity @ velocity - speed_mps**2
+    b, c = there @ velocity, there @ there
+    if abs(a) < 1e-9:
+        return -c / (2 * b) if b < 0 else None
+    inside = b**2 - a * c
+    if inside < 0:
+        return None
+    roots = (-b + np.array([-1.0, 1.0]) * np.sqrt(inside)) / a
+    return float(roots[roots >= 0].min()) if (roots >= 0).any() else None
 
 
 def accuracy_map(survey: Survey, half_width_m: float, speed_mps: float, cells: int = 25):

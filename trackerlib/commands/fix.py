@@ -183,7 +183,7 @@ def read(args: argparse.Namespace) -> tuple[Pings, FixSettings]:
 def _from_stream(args: argparse.Namespace) -> Pings:
     """Pings of arrivals and a navigation stream; what was refused is counted on standard error."""
     if args.interval_s is None:
-        raise InputError("fix: --navigation needs --interval-s, the interval of the pinger")
+        raise InputError("--navigation needs --interval-s, the interval of the pinger")
     arrivals = read_arrivals(read_lines(args.pings), args.pings.name)
     fixes, bad = read_navigation(read_lines(args.navigation), args.navigation.name)
     for path, records in ((args.pings, arrivals.bad_records), (args.navigation, bad)):
@@ -192,7 +192,7 @@ def _from_stream(args: argparse.Namespace) -> Pings:
     try:
         limits = PositionLimits(args.greatest_hdop, args.greatest_age_s)
     except ValueError as error:
-        raise InputError(f"fix: {error}") from None
+        raise InputError(error) from None
     ship = ship_at_receptions(fixes, arrivals.arrival_s, limits, args.antenna_offset_m)
     for what, counts in (("positions", ship.fixes_refused), ("arrivals", ship.refused)):
         for why, count in counts:
@@ -236,7 +236,7 @@ def _settings(args: argparse.Namespace) -> FixSettings:
     except InputError:
         raise
     except ValueError as error:
-        raise InputError(f"fix: {error}") from None
+        raise InputError(error) from None
     if settings.method == "pairs":
         count, spacing = LEAST_EXPERIMENTS[settings.motion != "still"]
         if (settings.experiments or count) < count or (settings.spacing or spacing) < spacing:

@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> dict:
     except ValueError as error:
         raise InputError(error) from None
     if args.pings is not None and args.navigation is None:
-        raise InputError("listen: --pings needs --navigation, the file of the ship's positions")
+        raise InputError("--pings needs --navigation, the file of the ship's positions")
     with Recording(args.recording, args.channel) as recording:
         heard = hear(args.detector, settings, recording.rate_hz, recording.blocks(), BLOCK_S)
         navigation, began_s = _navigation(args, recording)
@@ -163,7 +163,7 @@ def _navigation(args: argparse.Namespace, recording: Recording) -> tuple[Navigat
     if args.began is not None:
         began_s = instant_in(args.began)
         if began_s is None:
-            raise InputError(f"listen: --began is {args.began!r}; wanted UTC such as 2018-04-26T05:10:33.25Z")
+            raise InputError(f"--began is {args.began!r}; wanted UTC such as 2018-04-26T05:10:33.25Z")
     else:
         began_s, where = recording.began or (None, "")
         if began_s is not None:

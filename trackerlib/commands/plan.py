@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> dict:
                 surveys_so_far(pings, fix, settings)[0], args.wanted_m, args.ship_speed_mps
             )
     except ValueError as error:
-        raise InputError(f"plan: {error}") from None
+        raise InputError(error) from None
     if args.route is not None:
         write_route(plan, fix, args.route)
     return {
