@@ -14,13 +14,14 @@ from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.paths import StraightPaths
 from trackerlib.beacon.planning import (
     Leg,
+    Plan,
     Survey,
     accuracy_map,
     candidate_legs,
     plan_next_leg,
     surveys_so_far,
     time_to_reach,
-    turning_point,
+    worse_after,
 )
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.beacon.squared_range import fix_squared_range
@@ -232,28 +233,38 @@ def test_the_map_is_best_beyond_the_beacon_and_no_place_is_worse_than_now_when_s
     assert error.max() < now * 1.01
 
 
-def test_a_moving_beacon_s_present_place_is_best_known_at_some_time():
+def test_a_moving_beacon_s_present_place_gets_worse_again_when_the_ship_sails_away():
     """The thesis, 3.6 and 4.4.1: the projected position can get worse with a longer collection."""
-    points = sail_hexagon(SCENARIOS[5], 2400)
     pings = survey()
     fix = fix_beacon(pings, SETTINGS)
     base = surveys_so_far(pings, fix, SETTINGS)[0]
+    points = sail_hexagon(SCENARIOS[5], 600)
     moving = replace(
         base,
+        ship=points.ship,
+        elapsed_s=2.0 * np.arange(len(points.ship)),
         motion_kind="free",
         widened=np.eye(6),
         beacon=np.array(SCENARIOS[5].position),
         velocity=np.array([0.5, -0.5, 0.0]),
-        interval_s=2.0,
-        gps_rms_m=3.0,
-        time_sigma_s=3e-4,
-        speed_sigma_mps=0.0,
     )
-    seconds = turning_point(moving, points.ship[:, :2], every=60)
+    start = points.ship[-1, :2]
+    away = start - (moving.beacon + moving.last_s * moving.velocity)[:2]
+    leg = Leg(start, start + 2500 * away / np.linalg.norm(away), 3.0)
+    seconds = worse_after([moving], leg)
     assert seconds is not None
-    assert 600 < seconds < 4800
+    assert seconds < 3 * leg.duration_s
+
+    def after(duration_s):
+        part = replace(leg, end=start + duration_s / leg.duration_s * (leg.end - start))
+        return moving.after(part).rms_m
+
+    assert after(seconds) < min(after(seconds / 2), after(2 * seconds))
+    assert after(seconds) < 0.8 * after(3 * seconds)
+    words = Plan((moving.after(leg),), moving.now, seconds).words
+    assert f"less sure after {seconds / 60:.0f} min" in words
     still = replace(moving, motion_kind="still", velocity=np.zeros(3), widened=np.eye(3))
-    assert turning_point(still, points.ship[:, :2], every=60) is None
+    assert worse_after([still], leg) is None
 
 
 @pytest.mark.parametrize("changes", [{}, {"gps_rms_m": None}, {"antenna_sigma_m": (8.0, 3.0)}], ids=str)
@@ -287,3 +298,14 @@ def test_the_command_writes_a_route(data, tmp_path, capsys):
     assert points[1].latitude == pytest.approx(answer["best"]["end_lat_deg"], abs=1e-8)
     assert answer["seconds_to_wanted"] > 0
     assert "SIMULATED" in route.read_text()
+    assert answer["worse_after_s"] is None  # it lies still
+
+
+def test_an_accuracy_out_of_reach_is_said_and_a_refusal_has_its_name_once(data, tmp_path, capsys):
+    demo = str(data / "beacon-demo/survey.csv")
+    assert main(["plan", demo, "--wanted-m", "0.001"]) == 0
+    assert "0.001 m within a day" in capsys.readouterr().out
+    one = tmp_path / "one.csv"
+    one.write_text("ping,lat_deg,lon_deg,oneway_s\n1,10,20,2.5\n")
+    assert main(["plan", str(one)]) == 2
+    assert capsys.readouterr().err.count("plan:") == 1

@@ -308,6 +308,10 @@ def test_what_would_help_draws_candidate_legs_and_a_dragged_one_is_forecast(tab)
     assert legs is not tab.map.leg.legs.data
     assert tab.map.leg.legs.data["xs"][0][1] == pytest.approx(moved["x"][1], abs=1)
     assert b"<rte>" in tab.leg.route_file().getvalue()
+    assert "drag a triangle" in tab.leg.words.object
+    assert "longer than the" not in tab.leg.words.object
+    tab.map.leg.ends.data = moved | {"x": moved["x"] + 30_000 * (np.arange(len(moved["x"])) == 0)}
+    assert "longer than the 30 min" in tab.leg.words.object
 
 
 def test_a_new_fix_clears_the_plan(tab):

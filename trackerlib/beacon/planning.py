@@ -28,6 +28,8 @@ BEARINGS = 16
 SHARES = (0.15, 0.3, 0.6, 1.0)  # of the time budget that candidates use
 UNSEEN_M = 1e6  # standard error of what no ping shows
 NOT_KNOWN_M = 100_000.0  # an expected error of more than this is none
+AHEAD = 4.0  # times a leg that it is looked whether a moving beacon's place gets worse
+AHEAD_STEPS = 24
 USUAL_INTERVAL_S = 2.0  # where the survey does not tell one
 
 
@@ -92,6 +94,7 @@ class Plan:
 
     forecasts: tuple[Forecast, ...]
     now: np.ndarray  # (3, 3) [m^2] covariance of the beacon's place at the last ping
+    worse_after_s: float | None = None  # from now, along the best leg and on, see `worse_after`
 
     @property
     def best(self) -> Forecast:
@@ -105,7 +108,7 @@ class Plan:
 
     @property
     def words(self) -> str:
-        """What would help, in one sentence."""
+        """What would help, in a sentence, and how long a moving beacon's place gets better."""
         leg, sigma = self.best.leg, self.best.sigma
         way = "over the beacon, " if leg.over_beacon else ""
         before = np.sqrt(np.trace(self.now))
@@ -113,8 +116,17 @@ class Plan:
         return (
             f"Sail {way}{leg.length_m:.0f} m on {leg.bearing_deg:.0f}° at {leg.speed_mps:g} m/s "
             f"({leg.duration_s / 60:.0f} min): the expected error {known} {rounded(self.best.rms_m)} m, "
-            f"depth sigma to {rounded(sigma[2])} m."
+            f"depth sigma to {rounded(sigma[2])} m.{self._worse_words}"
         )
+
+    @property
+    def _worse_words(self) -> str:
+        if self.worse_after_s is None:
+            return ""
+        after = (
+            f"after {self.worse_after_s / 60:.0f} min on that course" if self.worse_after_s else "from now on"
+        )
+        return f" As the beacon moves, its present place gets less sure {after}."
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,7 +337,7 @@ def plan_next_leg(
         leg for other in surveys[1:] for leg in candidate_legs(other, budget_s, speed_mps) if leg.over_beacon
     ]
     forecasts = sorted((forecast_leg(surveys, leg) for leg in legs), key=lambda forecast: forecast.rms_m)
-    return Plan(tuple(forecasts), surveys[0].now)
+    return Plan(tuple(forecasts), surveys[0].now, worse_after(surveys, forecasts[0].leg))
 
 
 def forecast_leg(surveys: list[Survey], leg: Leg) -> Forecast:
@@ -411,20 +423,18 @@ def time_to_reach(
     return high
 
 
-def error_over_time(survey: Survey, track: np.ndarray, every: int = 1):
-    """Expected error [m] of the present position after the first n pings of a track (N, 2), for n = 8, ... N.
+def worse_after(surveys: list[Survey], leg: Leg) -> float | None:
+    """Time from now [s] after which a moving beacon's present place gets worse, sailing on along a leg.
 
-    Returns the counts and the errors. A moving beacon's error can rise again with time: the thesis's 3.6, 4.4.1.
+    None if it still gets better after AHEAD times the leg, and for a beacon that lies still. Wojcik (1993), 3.6, 4.4.1.
     """
-    counts = np.arange(8, len(track) + 1, every)
-    elapsed = survey.interval_s * np.arange(len(track))
-    ship = np.column_stack([track, np.full(len(track), survey.ship[-1, 2])])
-    errors = [np.sqrt(np.trace(survey.forecast(ship[:n], elapsed[:n], elapsed[n - 1]))) for n in counts]
-    return counts, np.array(errors)
-
-
-def turning_point(survey: Survey, track: np.ndarray, every: int = 1) -> float | None:
-    """Collection time [s] at which the present position is known best, None if it is still getting better."""
-    counts, errors = error_over_time(survey, track, every)
+    if surveys[0].motion_kind == "still":
+        return None
+    shares = AHEAD * np.arange(1, AHEAD_STEPS + 1) / AHEAD_STEPS
+    errors = [max(float(np.sqrt(np.trace(survey.now))) for survey in surveys)]
+    for share in shares:
+        errors.append(
+            forecast_leg(surveys, replace(leg, end=leg.start + share * (leg.end - leg.start))).rms_m
+        )
     best = int(np.argmin(errors))
-    return None if best == len(counts) - 1 else float(survey.interval_s * (counts[best] - 1))
+    return None if best == len(shares) else leg.duration_s * AHEAD * best / AHEAD_STEPS
