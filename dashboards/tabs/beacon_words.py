@@ -11,7 +11,7 @@ import numpy as np
 from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.error_budget import ErrorBudget
 from trackerlib.beacon.result import BeaconFix
-from trackerlib.commands.fix_document import document
+from trackerlib.commands.fix_document import document, motion_document, steadiest_words
 from trackerlib.frames import degrees_minutes, utm
 from trackerlib.positions import degrees_minutes_seconds
 from trackerlib.rounding import value_with_sigma
@@ -42,7 +42,7 @@ def sentence(fix: BeaconFix) -> str:
 
 
 def movement(fix: BeaconFix) -> str:
-    """How a moving beacon moves, in a sentence."""
+    """How a moving beacon moves, and when and where a rising one comes up."""
     east, north, up = (float(value) for value in fix.velocity)
     parts = []
     if east or north:
@@ -52,7 +52,19 @@ def movement(fix: BeaconFix) -> str:
     if up:
         way = "rises" if up > 0 else "sinks"
         parts.append(f"{way} at {value_with_sigma(abs(up), float(fix.uncertainty.sigma[5]), 'm/s')}")
-    return f"It {' and '.join(parts)}."
+    return f"It {' and '.join(parts)}.{_surfacing(fix)}"
+
+
+def _surfacing(fix: BeaconFix) -> str:
+    up = motion_document(fix).get("surfaces")
+    if up is None:
+        return ""
+    wait_s = up["epoch_s"] - fix.present.elapsed_s
+    return (
+        f" It comes to the surface in {value_with_sigma(wait_s / 60, up['sigma_epoch_s'] / 60, 'min')} at "
+        f"{html.escape(degrees_minutes(up['lat_deg'], 'NS'))}, {html.escape(degrees_minutes(up['lon_deg'], 'EW'))} "
+        f"(± {up['sigma_east_m']:.2g} m east, ± {up['sigma_north_m']:.2g} m north)."
+    )
 
 
 def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
@@ -67,6 +79,8 @@ def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
             ("depth", value_with_sigma(now.depth_m, sigma[2], "m")),
         ]
         rows += [(name, text) for name, text in position_texts(fix).items() if name != "everything"]
+    if (then := motion_document(fix).get("steadiest")) is not None:
+        rows.append(("known best", steadiest_words(then)))
     if fix.uncertainty is not None:
         rows += [
             ("rms residual", f"{1e3 * fix.uncertainty.rms_s:.3g} ms"),
