@@ -8,6 +8,7 @@ from dataclasses import asdict
 
 import numpy as np
 
+from trackerlib.beacon.choice import verdict
 from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.error_budget import ErrorBudget
 from trackerlib.beacon.result import BeaconFix
@@ -103,7 +104,7 @@ def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
 
 
 def models_table(scores) -> str:
-    """Models side by side, the best first, as an HTML table."""
+    """Which model the pings choose, and models side by side, the best first, as HTML."""
     cells = "".join(
         f"<tr><td{CELL}>{html.escape(score.name)}</td>"
         f"<td{CELL}>{'no place' if np.isinf(score.aicc) else f'{score.aicc:.1f}'}</td>"
@@ -111,6 +112,7 @@ def models_table(scores) -> str:
         for score in scores
     )
     return (
+        f"<p style='margin:6px 0'>{html.escape(verdict(scores))}</p>"
         "<table><tr style='opacity:.75;text-align:left'><td>the beacon</td><td>AICc above best</td>"
         f"<td>held-out pings</td></tr>{cells}</table>"
     )

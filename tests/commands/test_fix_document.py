@@ -11,6 +11,7 @@ from surveys import BOX, survey
 
 from dashboards.tabs.beacon_words import movement, table
 from trackerlib.beacon.fix import fix_beacon
+from trackerlib.beacon.result import Solution
 from trackerlib.commands.fix import report
 from trackerlib.commands.fix_document import document
 from trackerlib.simulation.beacon_survey import Errors
@@ -53,3 +54,10 @@ def test_the_words_tell_the_surface_and_the_instant_known_best(rising):
     assert 0 <= then["epoch_s"] <= rising.present.elapsed_s
     for text in (report(answer), table(rising)):
         assert f"{then['epoch_s']:.0f} s after the first ping: {then['lat_deg']:.7f}" in text
+
+
+def test_what_fits_as_well_tells_how_likely_it_is(rising):
+    others = tuple(Solution(41.0, -66.0, 2400.0, 0.0, 0.0, misfit) for misfit in (0.0, 3.42))
+    text = report(document(replace(rising, alternatives=others)) | {"warnings": []})
+    assert "depth 2400 m, none more likely\n" in text
+    assert "depth 2400 m, chi-square 3.4 above the best" in text

@@ -65,6 +65,8 @@ def test_a_straight_leg_is_refused_in_words_with_both_mirror_solutions(tab):
     assert "No fix yet:" in tab.sentence.object
     assert "straight line" in tab.sentence.object
     assert len(tab.map.alternatives.data["x"]) == 2
+    for label, other in zip(tab.map.alternatives.data["label"], tab.session.fix.alternatives, strict=True):
+        assert f"chi-square {other.misfit:.1f} above" in label or "none more likely" in label
     assert len(tab.map.fix.data["x"]) == 0
     assert tab.map.ellipse.data["x"] == []
 
@@ -336,6 +338,7 @@ def test_estimators_and_motions_are_compared_side_by_side(tab, monkeypatch):
     few = tab.session.pings.only(slice(0, 3))
     assert "no place:" in beacon_models.estimators_table({"of three": beacon_models.fix_beacon(few)})
     motions = tab.models.motions.object
+    assert "AICc chooses “lies still”" in motions
     assert motions.index("lies still") < motions.index("moves freely")
     tab.settings.speed_sigma.value = 3.0
     assert len(tab.map.compared.data["x"]) == 0

@@ -29,6 +29,11 @@ class Solution:
     misfit: float  # robust chi-square above the best solution's
 
 
+def chi_square_words(misfit: float) -> str:
+    """How likely a solution is beside the best, of `Solution.misfit`."""
+    return f"chi-square {misfit:.1f} above the best" if misfit >= 0.05 else "none more likely"
+
+
 @dataclass(frozen=True, eq=False)
 class Present:
     """A beacon's place at the last ping."""

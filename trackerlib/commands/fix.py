@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trackerlib.beacon.choice import compare_models, usual_models
+from trackerlib.beacon.choice import compare_models, usual_models, verdict
 from trackerlib.beacon.error_budget import error_budget
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.intervals import bootstrap_intervals, interval_words, profile_intervals
@@ -19,7 +19,7 @@ from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.navigation import pings_of_stream, ship_at_receptions
 from trackerlib.beacon.pairs import LEAST_EXPERIMENTS
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.result import BeaconFix
+from trackerlib.beacon.result import BeaconFix, chi_square_words
 from trackerlib.beacon.settings import METHODS, FixSettings
 from trackerlib.commands.fix_document import document, steadiest_words, step_document
 from trackerlib.commands.position_limits import add_limits, limits_of
@@ -260,21 +260,28 @@ def run(args: argparse.Namespace) -> dict:
     if args.log:
         answer["log"] = [step_document(step) for step in fix.log]
     if args.compare:
-        answer["models"] = [
-            {
-                "name": score.name,
-                "motion": score.settings.motion,
-                "parameters": score.parameters,
-                "converged": score.fix.converged,
-                "aicc_above_best": score.aicc,
-                "held_out_ms": 1e3 * score.held_out_s,
-            }
-            for score in compare_models(pings, usual_models(settings))
-        ]
+        answer |= _comparison(pings, settings)
     if fix.uncertainty is not None and fix.position is not None:
         budget = error_budget(pings, fix, settings)
         answer["error_budget_m"] = {name: list(values) for name, values in asdict(budget).items()}
     return answer
+
+
+def _comparison(pings: Pings, settings: FixSettings) -> dict:
+    """The usual models scored, and which of them the pings choose."""
+    scores = compare_models(pings, usual_models(settings))
+    models = [
+        {
+            "name": score.name,
+            "motion": score.settings.motion,
+            "parameters": score.parameters,
+            "converged": score.fix.converged,
+            "aicc_above_best": score.aicc,
+            "held_out_ms": 1e3 * score.held_out_s,
+        }
+        for score in scores
+    ]
+    return {"models": models, "verdict": verdict(scores)}
 
 
 def _intervals(pings: Pings, fix: BeaconFix, settings: FixSettings, how: str | None) -> dict:
@@ -393,8 +400,11 @@ def _further_lines(answer: dict) -> list[str]:
         f"held-out pings {m['held_out_ms']:.3g} ms"
         for m in answer.get("models", [])
     ]
+    if "verdict" in answer:
+        lines.append(f"choice    {answer['verdict']}")
     lines += [
-        f"fits as well: {a['lat_deg']:.6f}, {a['lon_deg']:.6f}, depth {a['depth_m']:.0f} m"
+        f"fits as well: {a['lat_deg']:.6f}, {a['lon_deg']:.6f}, depth {a['depth_m']:.0f} m, "
+        f"{chi_square_words(a['chi_square_above_best'])}"
         for a in answer["alternatives"]
     ]
     lines += [f"note      {sentence}" for sentence in answer["warnings"]]
