@@ -72,6 +72,19 @@ def test_the_forecast_of_now_is_what_the_fix_states(changes, heading_known):
     )
 
 
+@pytest.mark.parametrize("changes", [CLOCK, {"antenna_sigma_m": (8.0, 3.0)}], ids=str)
+def test_fixes_after_a_leg_state_what_was_forecast(changes):
+    how, pings, bearing = replace(SETTINGS, **changes), survey(), 60.0
+    base = surveys_so_far(pings, fix_beacon(pings, how), how)[0]
+    way = np.array([np.sin(np.radians(bearing)), np.cos(np.radians(bearing))])
+    told = replace(base, gps_rms_m=3.0, time_sigma_s=1e-3 / np.sqrt(12))
+    start = base.ship[-1, :2]
+    forecast = told.after(Leg(start, start + 1500 * way, 3.0))
+    longer = np.vstack([LEGS, [bearing, 1500.0]])
+    stated = [fix_beacon(survey(100 + seed, longer), how).sigma for seed in range(12)]
+    assert forecast.sigma == pytest.approx(np.mean(stated, axis=0), rel=0.1)
+
+
 def test_a_leg_knows_the_antenna_s_error_by_its_heading():
     pings = survey()
     how = replace(SETTINGS, antenna_sigma_m=(8.0, 0.0))
@@ -144,7 +157,7 @@ def test_the_spread_of_many_fixes_is_what_was_forecast(legs, velocity, gps_rms_m
         time_sigma_s=time_rms,
         gps_rms_m=np.array(gps_rms_m),
         speed_sigma_mps=0.0,
-        widened=np.eye(3 if velocity is None else 6),
+        widened=1.0,
         interval_s=interval,
         clock_terms=1,
         gps_correlation_s=correlation_s,
@@ -191,7 +204,7 @@ def test_a_leg_over_a_moving_beacon_meets_it(velocity):
     pings = survey()
     fix = fix_beacon(pings, SETTINGS)
     base = surveys_so_far(pings, fix, SETTINGS)[0]
-    moving = replace(base, motion_kind="free", velocity=np.array(velocity), widened=np.eye(6))
+    moving = replace(base, motion_kind="free", velocity=np.array(velocity), lost=None)
     over = [leg for leg in candidate_legs(moving, 1800.0, 4.0) if leg.over_beacon]
     assert over
     for leg in over:
@@ -244,7 +257,7 @@ def test_a_moving_beacon_s_present_place_gets_worse_again_when_the_ship_sails_aw
         ship=points.ship,
         elapsed_s=2.0 * np.arange(len(points.ship)),
         motion_kind="free",
-        widened=np.eye(6),
+        lost=None,
         beacon=np.array(SCENARIOS[5].position),
         velocity=np.array([0.5, -0.5, 0.0]),
     )
@@ -263,7 +276,7 @@ def test_a_moving_beacon_s_present_place_gets_worse_again_when_the_ship_sails_aw
     assert after(seconds) < 0.8 * after(3 * seconds)
     words = Plan((moving.after(leg),), moving.now, seconds).words
     assert f"less sure after {seconds / 60:.0f} min" in words
-    still = replace(moving, motion_kind="still", velocity=np.zeros(3), widened=np.eye(3))
+    still = replace(moving, motion_kind="still", velocity=np.zeros(3), lost=None)
     assert worse_after([still], leg) is None
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackerlib.beacon.motion import FREE_DIRECTIONS, Motion, motion_over
+from trackerlib.beacon.motion import Motion, motion_over
 from trackerlib.beacon.paths import Paths, paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix, time_sigma
@@ -135,7 +135,7 @@ class _Linear:
 
     gradient: np.ndarray  # (N, 3) [s/m] of the travel times by place
     gain: np.ndarray  # (N, K) [m/s] of the state by each time
-    inverse: np.ndarray  # (K, K) [m^2] covariance from independent errors as stated
+    information: np.ndarray  # (K, K) [1/m^2] of independent errors as stated
     by_speed: np.ndarray  # (K,) [m] per m/s of mean sound speed
 
 
@@ -152,7 +152,7 @@ class Survey:
     time_sigma_s: float
     gps_rms_m: float | np.ndarray  # per axis, or (2,) east and north; 0 where it is part of time_sigma_s
     speed_sigma_mps: float
-    widened: np.ndarray  # (K, K) what turns errors of independent pings into those that residuals tell
+    widened: float  # variance over that of independent pings
     interval_s: float  # between pings to come
     clock_terms: int  # unknowns of the pinger's clock: emission time, interval, drift
     gps_correlation_s: float | None = (
@@ -160,6 +160,9 @@ class Survey:
     )
     antenna_sigma_m: tuple[float, float] = (0.0, 0.0)  # level and vertical
     heading_rad: np.ndarray | None = None  # (N,) None: not known
+    lost: np.ndarray | None = (
+        None  # (K, K) [1/m^2] information of the pings heard that their fix makes no use of
+    )
 
     @property
     def last_s(self) -> float:
@@ -180,7 +183,7 @@ class Survey:
         """
         motion = motion_over(self.motion_kind, elapsed_s)
         linear = self._linear(ship, elapsed_s, motion)
-        noise = self.widened @ linear.inverse @ self.widened
+        noise = self.widened * np.linalg.inv(linear.information - self._lost_in(motion))
         if (slow := self._slow_errors(elapsed_s)) is not None:
             noise = wider(noise, slow.moved_by(linear.gradient[:, :2, None] * linear.gain[:, None, :]))
         if any(self.antenna_sigma_m):
@@ -191,10 +194,17 @@ class Survey:
         step = motion.at(at_s)[:3] @ motion.axes.T
         return step @ covariance @ step.T
 
+    def _lost_in(self, motion: Motion) -> np.ndarray:
+        """The information lost (K, K) in the state of another span of time."""
+        if self.lost is None:
+            return np.zeros((len(motion.axes), len(motion.axes)))
+        turn = motion.axes @ np.linalg.inv(self.motion.at(0.0)) @ motion.at(0.0) @ motion.axes.T
+        return turn.T @ self.lost @ turn
+
     def independent(self) -> tuple[np.ndarray, np.ndarray]:
-        """Covariances (K, K) of the state from independent errors as stated [m^2], and from times alone [m^2/s^2]."""
+        """Of the state (K, K): information from pings heard [1/m^2], and covariance per variance of times [m^2/s^2]."""
         linear = self._linear(self.ship, self.elapsed_s, self.motion)
-        return linear.inverse, linear.gain.T @ linear.gain
+        return linear.information, linear.gain.T @ linear.gain
 
     @property
     def motion(self) -> Motion:
@@ -220,10 +230,10 @@ class Survey:
             both = (both - clock @ (clock.T @ both)) / np.maximum(root, 1e-30)
             slope, time = both[:, :-1], both[:, -1]
         weighted = slope * weight[:, None]
-        inverse = np.linalg.inv(weighted.T @ slope + np.eye(slope.shape[1]) / UNSEEN_M**2)
-        gain = weighted @ inverse
+        information = weighted.T @ slope + np.eye(slope.shape[1]) / UNSEEN_M**2
+        gain = weighted @ np.linalg.inv(information)
         mean_speed = self.paths.mean_speed(max(-float(self.beacon[2]), 0.0))
-        return _Linear(gradient, gain, inverse, gain.T @ time / mean_speed)
+        return _Linear(gradient, gain, information, gain.T @ time / mean_speed)
 
     def _slow_errors(self, elapsed_s: np.ndarray) -> SlowErrors | None:
         """The ship's errors that hang together in time: those told, or what a fix assumes where none are."""
@@ -282,37 +292,27 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
         time_sigma_s=scale * time_sigma(pings, settings) if told.any() else rms,
         gps_rms_m=scale * told,
         speed_sigma_mps=settings.speed_sigma_mps,
-        widened=np.eye(len(FREE_DIRECTIONS[settings.motion])),
+        widened=1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length,
         interval_s=float(np.median(apart)) if len(apart) else USUAL_INTERVAL_S,
         clock_terms=settings.clock_terms,
         gps_correlation_s=settings.gps_correlation_s,
         antenna_sigma_m=settings.antenna_sigma_m,
         heading_rad=None if pings.heading_rad is None else pings.heading_rad[used],
     )
-    one = replace(one, widened=_widened(one, fix))
+    one = replace(one, lost=_lost(one, fix))
     return [replace(one, beacon=place) for place in places]
 
 
-def _widened(survey: Survey, fix: BeaconFix) -> np.ndarray:
-    """What turns the errors of the best estimator of independent pings (K, K) into those that residuals tell.
+def _lost(survey: Survey, fix: BeaconFix) -> np.ndarray | None:
+    """Information (K, K) [1/m^2] that a fix makes no use of, or that its pings do not have, by what residuals tell.
 
-    Wider where residuals hang together in time, where pings are few, and where bias had to be taken out.
+    Some is lost where pings are few, where residuals hang together in time, and where bias had to be taken out.
     """
-    if fix.uncertainty is None:
-        return survey.widened
-    told = fix.uncertainty.residual_covariance
+    told = None if fix.uncertainty is None else fix.uncertainty.residual_covariance
     if not fix.converged or told is None:
-        return np.sqrt(fix.uncertainty.correlation.length) * survey.widened
+        return None
     back = survey.motion.axes @ np.linalg.inv(survey.motion.at(0.0))
-    half, inverse = _roots(survey.independent()[0])
-    return inverse @ _roots(half @ back @ told @ back.T @ half)[0] @ inverse
-
-
-def _roots(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The symmetric square root (K, K) of a covariance, and the inverse of that."""
-    values, vectors = np.linalg.eigh(covariance)
-    values = np.sqrt(np.maximum(values, 1e-12))
-    return (vectors * values) @ vectors.T, (vectors / values) @ vectors.T
+    return survey.independent()[0] - survey.widened * np.linalg.inv(back @ told @ back.T)
 
 
 def plan_next_leg(
