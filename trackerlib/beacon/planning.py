@@ -269,8 +269,6 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
         raise ValueError(f"there is no place to plan from: {fix.reason}")
     used = fix.used
     elapsed = fix.elapsed_s if fix.elapsed_s is not None else pings.instant_s
-    apart = np.diff(np.sort(elapsed))
-    apart = apart[apart > 0]
     told = np.zeros(2) if settings.gps_axes_m is None else settings.gps_axes_m
     rms = max(float(np.sqrt(np.mean(fix.residual_s[used] ** 2))), time_sigma(pings, settings))
     residual, velocity = fix.residual_s[used], np.zeros(3) if fix.velocity is None else fix.velocity
@@ -293,7 +291,7 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
         gps_rms_m=scale * told,
         speed_sigma_mps=settings.speed_sigma_mps,
         widened=1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length,
-        interval_s=float(np.median(apart)) if len(apart) else USUAL_INTERVAL_S,
+        interval_s=_usual_interval(elapsed),
         clock_terms=settings.clock_terms,
         gps_correlation_s=settings.gps_correlation_s,
         antenna_sigma_m=settings.antenna_sigma_m,
@@ -301,6 +299,12 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
     )
     one = replace(one, lost=_lost(one, fix))
     return [replace(one, beacon=place) for place in places]
+
+
+def _usual_interval(elapsed_s: np.ndarray) -> float:
+    apart = np.diff(np.sort(elapsed_s))
+    apart = apart[apart > 0]
+    return float(np.median(apart)) if len(apart) else USUAL_INTERVAL_S
 
 
 def _lost(survey: Survey, fix: BeaconFix) -> np.ndarray | None:
