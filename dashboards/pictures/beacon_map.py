@@ -12,7 +12,7 @@ from dashboards.pictures.leg_layer import LegLayer
 from dashboards.pictures.legend import legend_entry, style_legend
 from dashboards.pictures.mercator import map_figure, mercator, show_box
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.result import BeaconFix
+from trackerlib.beacon.result import BeaconFix, chi_square_words
 from trackerlib.beacon.uncertainty import Ellipse
 
 PING_COLUMNS = ("number", "x", "y", "residual_ms", "shade_ms", "used", "utc", "kind", "moves_m")
@@ -228,7 +228,9 @@ class BeaconMap:
         self.alternatives.data = {
             "x": ax,
             "y": ay,
-            "label": [f"also fits: {a.depth_m:.0f} m deep" for a in fix.alternatives],
+            "label": [
+                f"also fits: {a.depth_m:.0f} m deep, {chi_square_words(a.misfit)}" for a in fix.alternatives
+            ],
         }
 
     def show_compared(self, fixes: dict[str, BeaconFix]) -> None:

@@ -20,8 +20,8 @@ from dashboards.tabs.beacon_settings import FixControls
 from dashboards.tabs.beacon_words import log_table, position_texts, sentence, table
 from dashboards.tabs.tab import FOLDED, Tab, alone, choice
 from trackerlib.beacon.diagnosis import free_coordinates, influence, misfit_surface
+from trackerlib.beacon.error_budget import error_budget
 from trackerlib.beacon.fix import fix_history
-from trackerlib.beacon.planning import error_budget
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.commands.fix_document import document
 
@@ -241,7 +241,7 @@ class BeaconTab(Tab):
         texts = position_texts(fix)
         for name, copy in self.copies.items():
             copy.text = texts.get(name, "")
-            copy.visible = bool(texts)
+            copy.visible = name in texts
 
     def _look_closer(self, fix: BeaconFix) -> None:
         """What each ping moves and where the sigma comes from, off the event loop."""

@@ -22,10 +22,15 @@ from trackerlib.beacon.planning import (
     forecast_leg,
     plan_next_leg,
     surveys_so_far,
+    worse_after,
 )
 from trackerlib.commands.plan import route_text
 from trackerlib.textfiles import InputError
 
+DRAG = (
+    "<span style='opacity:.75'>To try another leg, choose “drag the end of a candidate leg” "
+    "beside the map and drag a triangle.</span>"
+)
 MAP_CELLS = 21  # along each side of the map of attainable accuracy
 
 
@@ -100,8 +105,14 @@ class NextLeg:
         lat, lon, _ = fix.frame.to_geodetic(ends)
         x, y = mercator(lat, lon)
         self.map.widen(list(x), list(y))
-        self.words.param.update(object=f"<b>What would help:</b> {html.escape(plan.words)}", visible=True)
+        words = html.escape(plan.words + self._too_long(best.leg))
+        self.words.param.update(object=f"<b>What would help:</b> {words} {DRAG}", visible=True)
         self.save.visible = True
+
+    def _too_long(self, leg: Leg) -> str:
+        if leg.duration_s <= 60 * self.budget.value + 1:
+            return ""
+        return f" That takes longer than the {self.budget.value:g} min there are."
 
     def _dragged(self) -> None:
         """Forecasts the leg whose end the analyst drags, and makes it the one chosen."""
@@ -113,7 +124,9 @@ class NextLeg:
         place = self.session.fix.frame.to_local(lat, lon, 0.0)
         leg = Leg(self._shown.forecasts[k].leg.start, place[:2], self.ship_speed.value)
         others = [one for j, one in enumerate(self._shown.forecasts) if j != k]
-        self._show(replace(self._shown, forecasts=(forecast_leg(self._surveys, leg), *others)))
+        forecasts = (forecast_leg(self._surveys, leg), *others)
+        worse_after_s = worse_after(self._surveys, leg)
+        self._show(replace(self._shown, forecasts=forecasts, worse_after_s=worse_after_s))
 
     def route_file(self) -> io.BytesIO:
         """The leg chosen as a GPX route."""

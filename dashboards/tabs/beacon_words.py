@@ -8,10 +8,11 @@ from dataclasses import asdict
 
 import numpy as np
 
+from trackerlib.beacon.choice import verdict
 from trackerlib.beacon.convergence import Step
-from trackerlib.beacon.planning import ErrorBudget
+from trackerlib.beacon.error_budget import ErrorBudget
 from trackerlib.beacon.result import BeaconFix
-from trackerlib.commands.fix_document import document
+from trackerlib.commands.fix_document import document, motion_document, steadiest_words
 from trackerlib.frames import degrees_minutes, utm
 from trackerlib.positions import degrees_minutes_seconds
 from trackerlib.rounding import value_with_sigma
@@ -42,7 +43,7 @@ def sentence(fix: BeaconFix) -> str:
 
 
 def movement(fix: BeaconFix) -> str:
-    """How a moving beacon moves, in a sentence."""
+    """How a moving beacon moves, and when and where a rising one comes up."""
     east, north, up = (float(value) for value in fix.velocity)
     parts = []
     if east or north:
@@ -52,7 +53,19 @@ def movement(fix: BeaconFix) -> str:
     if up:
         way = "rises" if up > 0 else "sinks"
         parts.append(f"{way} at {value_with_sigma(abs(up), float(fix.uncertainty.sigma[5]), 'm/s')}")
-    return f"It {' and '.join(parts)}."
+    return f"It {' and '.join(parts)}.{_surfacing(fix)}"
+
+
+def _surfacing(fix: BeaconFix) -> str:
+    up = motion_document(fix).get("surfaces")
+    if up is None:
+        return ""
+    wait_s = up["epoch_s"] - fix.present.elapsed_s
+    return (
+        f" It comes to the surface in {value_with_sigma(wait_s / 60, up['sigma_epoch_s'] / 60, 'min')} at "
+        f"{html.escape(degrees_minutes(up['lat_deg'], 'NS'))}, {html.escape(degrees_minutes(up['lon_deg'], 'EW'))} "
+        f"(± {up['sigma_east_m']:.2g} m east, ± {up['sigma_north_m']:.2g} m north)."
+    )
 
 
 def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
@@ -67,6 +80,8 @@ def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
             ("depth", value_with_sigma(now.depth_m, sigma[2], "m")),
         ]
         rows += [(name, text) for name, text in position_texts(fix).items() if name != "everything"]
+    if (then := motion_document(fix).get("steadiest")) is not None:
+        rows.append(("known best", steadiest_words(then)))
     if fix.uncertainty is not None:
         rows += [
             ("rms residual", f"{1e3 * fix.uncertainty.rms_s:.3g} ms"),
@@ -89,7 +104,7 @@ def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
 
 
 def models_table(scores) -> str:
-    """Models side by side, the best first, as an HTML table."""
+    """Which model the pings choose, and models side by side, the best first, as HTML."""
     cells = "".join(
         f"<tr><td{CELL}>{html.escape(score.name)}</td>"
         f"<td{CELL}>{'no place' if np.isinf(score.aicc) else f'{score.aicc:.1f}'}</td>"
@@ -97,6 +112,7 @@ def models_table(scores) -> str:
         for score in scores
     )
     return (
+        f"<p style='margin:6px 0'>{html.escape(verdict(scores))}</p>"
         "<table><tr style='opacity:.75;text-align:left'><td>the beacon</td><td>AICc above best</td>"
         f"<td>held-out pings</td></tr>{cells}</table>"
     )
@@ -156,15 +172,18 @@ def edits_table(reasons: dict[int, str]) -> str:
 
 
 def position_texts(fix: BeaconFix) -> dict[str, str]:
-    """The position as people copy it: decimal degrees, degrees and minutes, UTM, and all numbers as JSON."""
+    """The position as people copy it: decimal degrees, degrees and minutes, UTM where it is defined, and JSON."""
     if fix.position is None:
         return {}
     now = fix.present
-    zone, easting, northing = utm(now.lat_deg, now.lon_deg)
+    grid = {}
+    if -80 <= now.lat_deg <= 84:
+        zone, easting, northing = utm(now.lat_deg, now.lon_deg)
+        grid = {"UTM": f"{zone} {easting:.2f} E {northing:.2f} N (WGS 84)"}
     return {
         "degrees": f"{now.lat_deg:.8f}, {now.lon_deg:.8f}",
         "minutes": f"{degrees_minutes(now.lat_deg, 'NS')}, {degrees_minutes(now.lon_deg, 'EW')}",
         "seconds": degrees_minutes_seconds(now.lat_deg, now.lon_deg),
-        "UTM": f"{zone} {easting:.2f} E {northing:.2f} N (WGS 84)",
+        **grid,
         "everything": json.dumps(document(fix)),
     }

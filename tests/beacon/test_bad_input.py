@@ -73,6 +73,18 @@ def test_some_missing_times_are_left_out(gps_rms_m):
     assert not fix.used[::7].any()
 
 
+def test_a_first_ping_without_a_place_is_left_out():
+    pings = boxed()
+    lat = pings.lat_deg.copy()
+    lat[0] = np.nan
+    fix = fix_beacon(replace(pings, lat_deg=lat), FixSettings(gps_rms_m=2.0))
+    assert fix.converged
+    assert not fix.used[0]
+    assert (fix.frame.lat_deg, fix.frame.lon_deg) == (pings.lat_deg[1], pings.lon_deg[1])
+    nowhere = fix_beacon(replace(pings, lat_deg=np.full(len(lat), np.nan)), FixSettings())
+    assert "0 usable pings" in nowhere.reason
+
+
 def test_pings_in_reverse_order_are_the_same_survey():
     pings = boxed()
     settings = FixSettings(gps_rms_m=2.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trackerlib.beacon.choice import compare_models, usual_models
+from trackerlib.beacon.choice import ModelScore, compare_models, usual_models, verdict
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.frames import LocalFrame
@@ -57,7 +57,27 @@ def test_a_wrong_motion_is_far_worse():
 
 def test_too_few_pings_score_nothing():
     pings = heard((0.0, 0.0, 0.0)).only(slice(0, 5))
-    assert all(np.isinf(score.aicc) for score in compare_models(pings, usual_models(SETTINGS)))
+    scores = compare_models(pings, usual_models(SETTINGS))
+    assert all(np.isinf(score.aicc) for score in scores)
+    assert verdict(scores).startswith("No model")
+
+
+@pytest.mark.parametrize(
+    ("models", "words"),
+    [
+        ((("moves", 6, 0.0, 1e-3), ("lies still", 3, 40.0, 1.5e-3)), "“moves”, and pings held out agree (1 ms)"),
+        ((("moves", 6, 0.0, 1e-3), ("lies still", 3, 1.2, 1.01e-3)), "of those that serve as well (“moves”)"),
+        ((("moves", 6, 0.0, 1.5e-3), ("lies still", 3, 9.0, 1e-3)), "choose “lies still” (1 ms against 1.5 ms)"),
+        ((("moves", 6, 0.0, np.nan), ("lies still", 3, 9.0, 1e-3)), "“moves”; pings held out cannot tell"),
+    ],
+)  # fmt: skip
+def test_the_verdict_says_where_the_two_criteria_disagree(models, words):
+    scores = tuple(
+        ModelScore(name, SETTINGS, None, parameters, aicc, held) for name, parameters, aicc, held in models
+    )
+    sentence = verdict(scores)
+    assert words in sentence
+    assert ("disagree" in sentence) == ("against" in words)
 
 
 def test_folded_times_are_scored_too():

@@ -9,17 +9,19 @@ import gpxpy
 import numpy as np
 import pytest
 
+from trackerlib.beacon.error_budget import error_budget
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.paths import StraightPaths
 from trackerlib.beacon.planning import (
     Leg,
+    Plan,
     Survey,
     accuracy_map,
-    error_budget,
+    candidate_legs,
     plan_next_leg,
     surveys_so_far,
     time_to_reach,
-    turning_point,
+    worse_after,
 )
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.beacon.squared_range import fix_squared_range
@@ -43,13 +45,55 @@ def survey(seed=0, legs=LEGS, gps_rms_m=3.0):
     )
 
 
-@pytest.mark.parametrize("told", [3.0, None])
-def test_the_forecast_of_now_is_what_the_fix_states(told):
-    how = replace(SETTINGS, gps_rms_m=told)
-    pings = survey()
+CLOCK = {"interval_s": 4.0, "estimate_interval": True}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"gps_rms_m": None},
+        CLOCK,
+        CLOCK | {"estimate_interval_drift": True},
+        CLOCK | {"gps_rms_m": None, "motion": "vertical"},
+        {"antenna_sigma_m": (8.0, 3.0)},
+        {"gps_rms_m": None, "antenna_sigma_m": (8.0, 3.0)},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("heading_known", [False, True])
+def test_the_forecast_of_now_is_what_the_fix_states(changes, heading_known):
+    how, pings = replace(SETTINGS, **changes), survey()
+    if heading_known:
+        pings = replace(pings, heading_rad=np.linspace(0.0, 2.0, len(pings)))
     fix = fix_beacon(pings, how)
-    now = plan_next_leg(pings, fix, how).now
-    assert np.sqrt(np.diag(now)) == pytest.approx(fix.sigma, rel=0.1)
+    assert np.sqrt(np.diag(surveys_so_far(pings, fix, how)[0].now)) == pytest.approx(
+        fix.present.sigma, rel=0.1
+    )
+
+
+@pytest.mark.parametrize("changes", [CLOCK, {"antenna_sigma_m": (8.0, 3.0)}], ids=str)
+def test_fixes_after_a_leg_state_what_was_forecast(changes):
+    how, pings, bearing = replace(SETTINGS, **changes), survey(), 60.0
+    base = surveys_so_far(pings, fix_beacon(pings, how), how)[0]
+    way = np.array([np.sin(np.radians(bearing)), np.cos(np.radians(bearing))])
+    told = replace(base, gps_rms_m=3.0, time_sigma_s=1e-3 / np.sqrt(12))
+    start = base.ship[-1, :2]
+    forecast = told.after(Leg(start, start + 1500 * way, 3.0))
+    longer = np.vstack([LEGS, [bearing, 1500.0]])
+    stated = [fix_beacon(survey(100 + seed, longer), how).sigma for seed in range(12)]
+    assert forecast.sigma == pytest.approx(np.mean(stated, axis=0), rel=0.1)
+
+
+def test_a_leg_knows_the_antenna_s_error_by_its_heading():
+    pings = survey()
+    how = replace(SETTINGS, antenna_sigma_m=(8.0, 0.0))
+    leg = Leg(np.array([900.0, 800.0]), np.array([900.0, 1800.0]), 3.0)
+    unknown, known = (
+        surveys_so_far(one, fix_beacon(one, how), how)[0].after(leg)
+        for one in (pings, replace(pings, heading_rad=np.zeros(len(pings))))
+    )
+    assert known.rms_m < 0.8 * unknown.rms_m
 
 
 def test_the_spread_of_whole_fixes_after_a_leg_is_the_forecast():
@@ -115,7 +159,7 @@ def test_the_spread_of_many_fixes_is_what_was_forecast(legs, velocity, gps_rms_m
         speed_sigma_mps=0.0,
         widened=1.0,
         interval_s=interval,
-        emission_known=False,
+        clock_terms=1,
         gps_correlation_s=correlation_s,
     )
     forecast = told.forecast(ship, elapsed, elapsed[-1])
@@ -155,6 +199,23 @@ def test_a_leg_over_the_beacon_is_always_among_the_candidates_and_the_best_comes
     assert all(forecast.leg.duration_s <= 1200.0 + 1e-6 for forecast in plan.forecasts)
 
 
+@pytest.mark.parametrize("velocity", [(0.8, -0.6, 0.0), (-1.5, 0.7, 0.2), (0.0, 0.0, 0.5)])
+def test_a_leg_over_a_moving_beacon_meets_it(velocity):
+    pings = survey()
+    fix = fix_beacon(pings, SETTINGS)
+    base = surveys_so_far(pings, fix, SETTINGS)[0]
+    moving = replace(base, motion_kind="free", velocity=np.array(velocity), lost=None)
+    over = [leg for leg in candidate_legs(moving, 1800.0, 4.0) if leg.over_beacon]
+    assert over
+    for leg in over:
+        seconds = np.arange(0.0, leg.duration_s, 0.05)[:, None]
+        ship = leg.start + seconds / leg.duration_s * (leg.end - leg.start)
+        there = moving.beacon[:2] + (moving.last_s + seconds) * moving.velocity[:2]
+        assert np.linalg.norm(ship - there, axis=1).min() < 1
+    fast = replace(moving, velocity=5.0 * (moving.beacon - [*over[0].start, 0.0]) / 1000)
+    assert not any(leg.over_beacon for leg in candidate_legs(fast, 1800.0, 1.0))
+
+
 def test_after_a_straight_line_the_plan_leaves_the_line():
     pings = survey(legs=np.array([[0.0, 2500.0]]))
     fix = fix_beacon(pings, SETTINGS)
@@ -185,37 +246,52 @@ def test_the_map_is_best_beyond_the_beacon_and_no_place_is_worse_than_now_when_s
     assert error.max() < now * 1.01
 
 
-def test_a_moving_beacon_s_present_place_is_best_known_at_some_time():
+def test_a_moving_beacon_s_present_place_gets_worse_again_when_the_ship_sails_away():
     """The thesis, 3.6 and 4.4.1: the projected position can get worse with a longer collection."""
-    points = sail_hexagon(SCENARIOS[5], 2400)
     pings = survey()
     fix = fix_beacon(pings, SETTINGS)
     base = surveys_so_far(pings, fix, SETTINGS)[0]
+    points = sail_hexagon(SCENARIOS[5], 600)
     moving = replace(
         base,
+        ship=points.ship,
+        elapsed_s=2.0 * np.arange(len(points.ship)),
         motion_kind="free",
+        lost=None,
         beacon=np.array(SCENARIOS[5].position),
         velocity=np.array([0.5, -0.5, 0.0]),
-        interval_s=2.0,
-        gps_rms_m=3.0,
-        time_sigma_s=3e-4,
-        speed_sigma_mps=0.0,
     )
-    seconds = turning_point(moving, points.ship[:, :2], every=60)
+    start = points.ship[-1, :2]
+    away = start - (moving.beacon + moving.last_s * moving.velocity)[:2]
+    leg = Leg(start, start + 2500 * away / np.linalg.norm(away), 3.0)
+    seconds = worse_after([moving], leg)
     assert seconds is not None
-    assert 600 < seconds < 4800
-    still = replace(moving, motion_kind="still", velocity=np.zeros(3))
-    assert turning_point(still, points.ship[:, :2], every=60) is None
+    assert seconds < 3 * leg.duration_s
+
+    def after(duration_s):
+        part = replace(leg, end=start + duration_s / leg.duration_s * (leg.end - start))
+        return moving.after(part).rms_m
+
+    assert after(seconds) < min(after(seconds / 2), after(2 * seconds))
+    assert after(seconds) < 0.8 * after(3 * seconds)
+    words = Plan((moving.after(leg),), moving.now, seconds).words
+    assert f"less sure after {seconds / 60:.0f} min" in words
+    still = replace(moving, motion_kind="still", velocity=np.zeros(3), lost=None)
+    assert worse_after([still], leg) is None
 
 
-def test_the_shares_of_an_error_budget_make_up_the_sigma():
+@pytest.mark.parametrize("changes", [{}, {"gps_rms_m": None}, {"antenna_sigma_m": (8.0, 3.0)}], ids=str)
+def test_the_shares_of_an_error_budget_make_up_the_sigma(changes):
     pings = survey()
-    how = replace(SETTINGS, sound_speed_sigma_mps=2.0)
+    how = replace(SETTINGS, sound_speed_sigma_mps=2.0, **changes)
     fix = fix_beacon(pings, how)
     budget = error_budget(pings, fix, how)
     total = np.sqrt(sum(np.square(part) for part in (budget.ship_position, budget.time, budget.sound_speed)))
     assert total == pytest.approx(fix.sigma, rel=1e-6)
-    assert budget.ship_position[0] > budget.time[0]  # 3 m against 0.3 ms
+    alone = fix_beacon(survey(gps_rms_m=0.0), replace(how, gps_rms_m=0.0, antenna_sigma_m=(0.0, 0.0)))
+    by_time = np.sqrt(np.diag(alone.uncertainty.noise_covariance)[:3])
+    assert budget.time == pytest.approx(by_time, rel=0.5)  # of a fix of errors of time alone
+    assert np.less(budget.time, budget.ship_position).all()  # 3 m against 0.3 ms
 
 
 @pytest.mark.parametrize(("name", "value"), [("budget_s", 1.0), ("speed_mps", 0.0)])
@@ -235,3 +311,14 @@ def test_the_command_writes_a_route(data, tmp_path, capsys):
     assert points[1].latitude == pytest.approx(answer["best"]["end_lat_deg"], abs=1e-8)
     assert answer["seconds_to_wanted"] > 0
     assert "SIMULATED" in route.read_text()
+    assert answer["worse_after_s"] is None  # it lies still
+
+
+def test_an_accuracy_out_of_reach_is_said_and_a_refusal_has_its_name_once(data, tmp_path, capsys):
+    demo = str(data / "beacon-demo/survey.csv")
+    assert main(["plan", demo, "--wanted-m", "0.001"]) == 0
+    assert "0.001 m within a day" in capsys.readouterr().out
+    one = tmp_path / "one.csv"
+    one.write_text("ping,lat_deg,lon_deg,oneway_s\n1,10,20,2.5\n")
+    assert main(["plan", str(one)]) == 2
+    assert capsys.readouterr().err.count("plan:") == 1

@@ -77,6 +77,25 @@ def test_the_interval_of_the_pinger_is_reported(tmp_path, capsys):
     assert "an hour" in out
 
 
+def test_what_the_navigation_refuses_is_counted_by_reason(tmp_path, capsys):
+    heard, navigation = tmp_path / "heard.csv", tmp_path / "navigation.csv"
+    heard.write_text("arrival_s\n" + "\n".join(f"{2 * n + 0.5}" for n in range(30)))
+    seconds = [n for n in range(62) if not 20 < n < 26]
+    lines = [f"{n},{41 + 4e-5 * n},-66,{12 if n == 40 else 1}" for n in seconds]
+    navigation.write_text("time_s,lat_deg,lon_deg,hdop\n" + "\n".join([*lines, "70,far,0,1"]))
+    argv = [str(heard), "--navigation", str(navigation), "--interval-s", "2"]
+    refused = answer_of(argv, capsys)["refused"]
+    assert refused["positions"] == {"HDOP of 10 or more": 1}
+    assert refused["arrivals"] == {"gap of more than 4 s between positions": 3}
+    assert list(refused["lines"].values()) == [1]
+    wide = answer_of([*argv, "--greatest-gap-s", "10", "--greatest-age-s", "6"], capsys)["refused"]
+    assert wide["arrivals"] == {}
+    narrow = answer_of([*argv, "--greatest-hdop", "20"], capsys)["refused"]
+    assert narrow["positions"] == {}
+    assert main(["fix", *argv, "--greatest-gap-s", "-1"]) == 2
+    assert capsys.readouterr().err.endswith("fix: greatest_gap_s is -1; wanted more than 0, at most 7200\n")
+
+
 @pytest.mark.parametrize(
     ("argv", "named"),
     [

@@ -138,6 +138,9 @@ def test_positions_beside_a_recording_make_pings(call, hunt, tmp_path):
     first = float((read.utc[0] - np.datetime64("2024-05-01T00:00:00.250")) / np.timedelta64(1, "s"))
     lat = np.interp(first, simulated.fixes.time_s, simulated.fixes.lat_deg)
     assert read.lat_deg[0] == pytest.approx(lat, abs=1e-5)
+    few = json.loads(call(path, "--navigation", log, "--greatest-age-s", 0.3, "--json")[2])
+    assert few["arrivals_refused"]["gap of more than 0.6 s between positions"] > 0
+    assert few["pings"] < answer["pings"]
     slope = np.polyfit(read.instant_s, read.travel_time_s, 1)[0]
     assert slope * 1500 == pytest.approx(-4.2, abs=0.5)  # 5 m/s, not quite towards the beacon
 

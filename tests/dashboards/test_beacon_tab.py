@@ -16,6 +16,7 @@ from dashboards.tabs.beacon_edits import OTHER
 from dashboards.tabs.beacon_words import position_texts, sentence, table
 from trackerlib.beacon.choice import usual_estimators, usual_models
 from trackerlib.beacon.pings import Ping
+from trackerlib.frames import LocalFrame
 from trackerlib.receiver.hyperbola import BearingLine
 
 
@@ -64,6 +65,8 @@ def test_a_straight_leg_is_refused_in_words_with_both_mirror_solutions(tab):
     assert "No fix yet:" in tab.sentence.object
     assert "straight line" in tab.sentence.object
     assert len(tab.map.alternatives.data["x"]) == 2
+    for label, other in zip(tab.map.alternatives.data["label"], tab.session.fix.alternatives, strict=True):
+        assert f"chi-square {other.misfit:.1f} above" in label or "none more likely" in label
     assert len(tab.map.fix.data["x"]) == 0
     assert tab.map.ellipse.data["x"] == []
 
@@ -202,6 +205,14 @@ def test_positions_are_given_as_people_use_them(tab):
     assert tab.copies["UTM"].text == texts["UTM"]
 
 
+@pytest.mark.parametrize("lat_deg", [88.5, -80.5])
+def test_near_a_pole_there_is_no_utm_and_all_else_is_told(tab, lat_deg):
+    tab.session.fix = fix = replace(tab.session.fix, frame=LocalFrame(lat_deg, -66.0))
+    assert set(position_texts(fix)) == {"degrees", "minutes", "seconds", "everything"}
+    assert not tab.copies["UTM"].visible
+    assert tab.copies["degrees"].visible
+
+
 def test_export_is_the_answer_of_the_command(tab):
     name, text = tab.export()
     assert name.endswith(".json")
@@ -299,6 +310,10 @@ def test_what_would_help_draws_candidate_legs_and_a_dragged_one_is_forecast(tab)
     assert legs is not tab.map.leg.legs.data
     assert tab.map.leg.legs.data["xs"][0][1] == pytest.approx(moved["x"][1], abs=1)
     assert b"<rte>" in tab.leg.route_file().getvalue()
+    assert "drag a triangle" in tab.leg.words.object
+    assert "longer than the" not in tab.leg.words.object
+    tab.map.leg.ends.data = moved | {"x": moved["x"] + 30_000 * (np.arange(len(moved["x"])) == 0)}
+    assert "longer than the 30 min" in tab.leg.words.object
 
 
 def test_a_new_fix_clears_the_plan(tab):
@@ -323,6 +338,7 @@ def test_estimators_and_motions_are_compared_side_by_side(tab, monkeypatch):
     few = tab.session.pings.only(slice(0, 3))
     assert "no place:" in beacon_models.estimators_table({"of three": beacon_models.fix_beacon(few)})
     motions = tab.models.motions.object
+    assert "AICc chooses “lies still”" in motions
     assert motions.index("lies still") < motions.index("moves freely")
     tab.settings.speed_sigma.value = 3.0
     assert len(tab.map.compared.data["x"]) == 0

@@ -20,6 +20,8 @@ from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
 
 FOLDS = 5
+NO_DIFFERENCE = 2.0  # of AICc, below which two models serve as well
+SAME_MISFIT = 1.02  # ratio of misfits of pings held out within which they are the same
 BLOCKS = 20  # stretches of the survey that are held out together, dealt to the folds in turn
 
 
@@ -119,6 +121,33 @@ def compare_models(pings: Pings, models: dict[str, FixSettings]) -> tuple[ModelS
         for name, fix in fixes.items()
     ]
     return tuple(sorted(scores, key=lambda score: score.aicc))
+
+
+def verdict(scores: tuple[ModelScore, ...]) -> str:
+    """Which model the pings choose, in one sentence; where AICc and pings held out disagree, it says so.
+
+    scores : of `compare_models`, the best by AICc first
+    """
+    placed = [score for score in scores if np.isfinite(score.aicc)]
+    if not placed:
+        return "No model gives a place, so there is none to choose."
+    near = [score for score in placed if score.aicc < NO_DIFFERENCE]
+    chosen = min(near, key=lambda score: score.parameters)
+    words = f"AICc chooses “{chosen.name}”"
+    if len(near) > 1:
+        others = ", ".join(f"“{score.name}”" for score in near if score is not chosen)
+        words += f", of those that serve as well ({others}) the one with fewest unknowns"
+    seen = [score for score in placed if np.isfinite(score.held_out_s)]
+    if chosen not in seen:
+        return f"{words}; pings held out cannot tell, as some fits without them have no place."
+    best = min(seen, key=lambda score: score.held_out_s)
+    ms = [f"{1e3 * score.held_out_s:.3g} ms" for score in (best, chosen)]
+    if chosen.held_out_s <= SAME_MISFIT * best.held_out_s:
+        return f"{words}, and pings held out agree ({ms[1]})."
+    return (
+        f"{words}, but pings held out choose “{best.name}” ({ms[0]} against {ms[1]}): they disagree, "
+        "so the choice is open until more is heard."
+    )
 
 
 def _parameters(settings: FixSettings) -> int:

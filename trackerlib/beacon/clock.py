@@ -67,9 +67,7 @@ class Emission:
 
 def pinger_clock(pings: Pings, time_s: np.ndarray, allowed: np.ndarray, settings: FixSettings) -> PingerClock:
     """The clock behind the pings allowed (N,), their times time_s (n,) in order again."""
-    terms = (
-        0 if settings.emission_known else 1 + settings.estimate_interval + settings.estimate_interval_drift
-    )
+    terms = settings.clock_terms
     if settings.interval_s is None:
         return PingerClock(np.zeros(len(time_s)), None, terms)
     emitted = instants(pings, settings)[allowed] - (time_s if pings.timed else 0.0)

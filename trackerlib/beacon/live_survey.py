@@ -13,10 +13,9 @@ import numpy as np
 from trackerlib.beacon.diagnosis import problem_at
 from trackerlib.beacon.live import LiveFix
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.result import BeaconFix, blank_fix
+from trackerlib.beacon.result import BeaconFix, blank_fix, frame_of
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
 from trackerlib.beacon.uncertainty import SlowErrors, wider
-from trackerlib.frames import LocalFrame
 
 
 class LiveSurvey:
@@ -27,7 +26,7 @@ class LiveSurvey:
     """
 
     def __init__(self, pings: Pings, settings: FixSettings):
-        frame = LocalFrame(float(pings.lat_deg[0]), float(pings.lon_deg[0]))
+        frame = frame_of(pings)
         self.settings = settings
         self.told = 0  # pings told so far, those left out by hand among them
         self._live = LiveFix(frame, settings, pings.time_step_s, pings.simulated)

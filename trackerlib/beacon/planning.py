@@ -3,7 +3,7 @@
     plan = plan_next_leg(pings, fix, settings, budget_s=1800)
     plan.best.ellipse, plan.best.words
 
-Fisher information of all pings, heard and expected, about place, motion, emission time and speed of sound, in the
+Fisher information of all pings, heard and expected, about place, motion, the pinger's clock and speed of sound, in the
 linear picture that every stated ellipse uses. Candidates go out in all directions from where the ship is; one goes
 straight over the beacon, always. After Wojcik (1993), chapters IV and VI, which found such legs to help most.
 """
@@ -19,7 +19,7 @@ from trackerlib.beacon.paths import Paths, paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix, time_sigma
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
-from trackerlib.beacon.uncertainty import Ellipse, SlowErrors, ellipse95, wider
+from trackerlib.beacon.uncertainty import AntennaErrors, Ellipse, SlowErrors, ellipse95, wider
 from trackerlib.frames import bearing_deg
 from trackerlib.rounding import decimals_for
 
@@ -28,6 +28,8 @@ BEARINGS = 16
 SHARES = (0.15, 0.3, 0.6, 1.0)  # of the time budget that candidates use
 UNSEEN_M = 1e6  # standard error of what no ping shows
 NOT_KNOWN_M = 100_000.0  # an expected error of more than this is none
+AHEAD = 4.0  # times a leg that it is looked whether a moving beacon's place gets worse
+AHEAD_STEPS = 24
 USUAL_INTERVAL_S = 2.0  # where the survey does not tell one
 
 
@@ -92,6 +94,7 @@ class Plan:
 
     forecasts: tuple[Forecast, ...]
     now: np.ndarray  # (3, 3) [m^2] covariance of the beacon's place at the last ping
+    worse_after_s: float | None = None  # from now, along the best leg and on, see `worse_after`
 
     @property
     def best(self) -> Forecast:
@@ -105,7 +108,7 @@ class Plan:
 
     @property
     def words(self) -> str:
-        """What would help, in one sentence."""
+        """What would help, in a sentence, and how long a moving beacon's place gets better."""
         leg, sigma = self.best.leg, self.best.sigma
         way = "over the beacon, " if leg.over_beacon else ""
         before = np.sqrt(np.trace(self.now))
@@ -113,8 +116,27 @@ class Plan:
         return (
             f"Sail {way}{leg.length_m:.0f} m on {leg.bearing_deg:.0f}° at {leg.speed_mps:g} m/s "
             f"({leg.duration_s / 60:.0f} min): the expected error {known} {rounded(self.best.rms_m)} m, "
-            f"depth sigma to {rounded(sigma[2])} m."
+            f"depth sigma to {rounded(sigma[2])} m.{self._worse_words}"
         )
+
+    @property
+    def _worse_words(self) -> str:
+        if self.worse_after_s is None:
+            return ""
+        after = (
+            f"after {self.worse_after_s / 60:.0f} min on that course" if self.worse_after_s else "from now on"
+        )
+        return f" As the beacon moves, its present place gets less sure {after}."
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """How the free directions of a state follow from the times, to first order, the clock following."""
+
+    gradient: np.ndarray  # (N, 3) [s/m] of the travel times by place
+    gain: np.ndarray  # (N, K) [m/s] of the state by each time
+    information: np.ndarray  # (K, K) [1/m^2] of independent errors as stated
+    by_speed: np.ndarray  # (K,) [m] per m/s of mean sound speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,44 +154,86 @@ class Survey:
     speed_sigma_mps: float
     widened: float  # variance over that of independent pings
     interval_s: float  # between pings to come
-    emission_known: bool
+    clock_terms: int  # unknowns of the pinger's clock: emission time, interval, drift
     gps_correlation_s: float | None = (
         None  # of the ship's errors, independent from ping to ping where it is None
     )
+    antenna_sigma_m: tuple[float, float] = (0.0, 0.0)  # level and vertical
+    heading_rad: np.ndarray | None = None  # (N,) None: not known
+    lost: np.ndarray | None = (
+        None  # (K, K) [1/m^2] information of the pings heard that their fix makes no use of
+    )
 
-    def forecast(self, ship: np.ndarray, elapsed_s: np.ndarray, at_s: float) -> np.ndarray:
-        """Covariance (3, 3) [m^2] of the beacon's place at an instant, from pings heard at ship (N, 3)."""
+    @property
+    def last_s(self) -> float:
+        """When the last ping was heard [s]."""
+        return float(np.max(self.elapsed_s))
+
+    @property
+    def now(self) -> np.ndarray:
+        """Covariance (3, 3) [m^2] of the beacon's place at the last ping."""
+        return self.forecast(self.ship, self.elapsed_s, self.last_s, self.heading_rad)
+
+    def forecast(
+        self, ship: np.ndarray, elapsed_s: np.ndarray, at_s: float, heading_rad: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Covariance (3, 3) [m^2] of the beacon's place at an instant, from pings heard at ship (N, 3).
+
+        heading_rad : (N,) of the bow, None where it is not known; only an antenna's error asks for it
+        """
         motion = motion_over(self.motion_kind, elapsed_s)
-        noise, by_speed = self._linear(ship, elapsed_s, motion)
-        step = motion.at(at_s)[:3]
-        covariance = noise + self.speed_sigma_mps**2 * np.outer(by_speed, by_speed)
+        linear = self._linear(ship, elapsed_s, motion)
+        noise = self.widened * np.linalg.inv(linear.information - self._lost_in(motion))
+        if (slow := self._slow_errors(elapsed_s)) is not None:
+            noise = wider(noise, slow.moved_by(linear.gradient[:, :2, None] * linear.gain[:, None, :]))
+        if any(self.antenna_sigma_m):
+            noise = noise + AntennaErrors(*self.antenna_sigma_m, heading_rad).moved_by(
+                linear.gradient, linear.gain
+            )
+        covariance = noise + self.speed_sigma_mps**2 * np.outer(linear.by_speed, linear.by_speed)
+        step = motion.at(at_s)[:3] @ motion.axes.T
         return step @ covariance @ step.T
 
-    def _linear(self, ship, elapsed_s, motion: Motion):
+    def _lost_in(self, motion: Motion) -> np.ndarray:
+        """The information lost (K, K) in the state of another span of time."""
+        if self.lost is None:
+            return np.zeros((len(motion.axes), len(motion.axes)))
+        turn = motion.axes @ np.linalg.inv(self.motion.at(0.0)) @ motion.at(0.0) @ motion.axes.T
+        return turn.T @ self.lost @ turn
+
+    def independent(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the state (K, K): information from pings heard [1/m^2], and covariance per variance of times [m^2/s^2]."""
+        linear = self._linear(self.ship, self.elapsed_s, self.motion)
+        return linear.information, linear.gain.T @ linear.gain
+
+    @property
+    def motion(self) -> Motion:
+        """How the beacon moves over the pings heard."""
+        return motion_over(self.motion_kind, self.elapsed_s)
+
+    def _linear(self, ship, elapsed_s, motion: Motion) -> _Linear:
         place = self.beacon + elapsed_s[:, None] * self.velocity
         time, gradient = (value[0] for value in self.paths.times(place[None], ship))
         seen = np.isfinite(time)
-        gradient = np.where(seen[:, None], gradient, 0.0)
+        gradient, time = np.where(seen[:, None], gradient, 0.0), np.where(seen, time, 0.0)
         variance = self.time_sigma_s**2 + gradient[:, :2] ** 2 @ np.broadcast_to(self.gps_rms_m, 2) ** 2
         weight = np.where(seen, 1 / np.where(seen, variance, 1.0), 0.0)
+        shares = motion_over("free", elapsed_s).shares(elapsed_s)
         slope = gradient
         if motion.moving:
-            slope = np.hstack([slope, motion.shares(elapsed_s)[:, None] * slope])
+            slope = np.hstack([slope, shares[:, None] * slope])
         slope = slope @ motion.axes.T
-        time = np.where(seen, time, 0.0)
-        if not self.emission_known:
-            total = max(weight.sum(), 1e-300)
-            slope = slope - weight @ slope / total
-            time = time - weight @ time / total
-        information = (slope * weight[:, None]).T @ slope
-        inverse = np.linalg.inv(information + np.eye(len(information)) / UNSEEN_M**2)
+        if self.clock_terms:
+            root = np.sqrt(weight)[:, None]
+            clock = np.linalg.qr(root * shares[:, None] ** np.arange(self.clock_terms))[0]
+            both = root * np.column_stack([slope, time])
+            both = (both - clock @ (clock.T @ both)) / np.maximum(root, 1e-30)
+            slope, time = both[:, :-1], both[:, -1]
+        weighted = slope * weight[:, None]
+        information = weighted.T @ slope + np.eye(slope.shape[1]) / UNSEEN_M**2
+        gain = weighted @ np.linalg.inv(information)
         mean_speed = self.paths.mean_speed(max(-float(self.beacon[2]), 0.0))
-        by_speed = inverse @ (slope.T @ (weight * time)) / mean_speed
-        noise = self.widened * inverse
-        if (slow := self._slow_errors(elapsed_s)) is not None:
-            gain = (slope * weight[:, None]) @ inverse
-            noise = wider(noise, slow.moved_by(gradient[:, :2, None] * gain[:, None, :]))
-        return motion.axes.T @ noise @ motion.axes, by_speed @ motion.axes
+        return _Linear(gradient, gain, information, gain.T @ time / mean_speed)
 
     def _slow_errors(self, elapsed_s: np.ndarray) -> SlowErrors | None:
         """The ship's errors that hang together in time: those told, or what a fix assumes where none are."""
@@ -184,10 +248,13 @@ class Survey:
         expected = np.arange(self.interval_s, leg.duration_s + 1e-9, self.interval_s)
         along = (expected / max(leg.duration_s, 1e-9))[:, None]
         place = leg.start + along * (leg.end - leg.start)
-        last = float(np.max(self.elapsed_s))
         ship = np.vstack([self.ship, np.column_stack([place, np.full(len(place), self.ship[-1, 2])])])
-        elapsed = np.concatenate([self.elapsed_s, last + expected])
-        return Forecast(leg, self.forecast(ship, elapsed, last + leg.duration_s), len(expected))
+        elapsed = np.concatenate([self.elapsed_s, self.last_s + expected])
+        heading = self.heading_rad
+        if heading is not None:
+            heading = np.concatenate([heading, np.full(len(expected), np.radians(leg.bearing_deg))])
+        at_end = self.forecast(ship, elapsed, self.last_s + leg.duration_s, heading)
+        return Forecast(leg, at_end, len(expected))
 
 
 def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[Survey]:
@@ -202,8 +269,6 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
         raise ValueError(f"there is no place to plan from: {fix.reason}")
     used = fix.used
     elapsed = fix.elapsed_s if fix.elapsed_s is not None else pings.instant_s
-    apart = np.diff(np.sort(elapsed))
-    apart = apart[apart > 0]
     told = np.zeros(2) if settings.gps_axes_m is None else settings.gps_axes_m
     rms = max(float(np.sqrt(np.mean(fix.residual_s[used] ** 2))), time_sigma(pings, settings))
     residual, velocity = fix.residual_s[used], np.zeros(3) if fix.velocity is None else fix.velocity
@@ -226,11 +291,32 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
         gps_rms_m=scale * told,
         speed_sigma_mps=settings.speed_sigma_mps,
         widened=1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length,
-        interval_s=float(np.median(apart)) if len(apart) else USUAL_INTERVAL_S,
-        emission_known=settings.emission_known,
+        interval_s=_usual_interval(elapsed),
+        clock_terms=settings.clock_terms,
         gps_correlation_s=settings.gps_correlation_s,
+        antenna_sigma_m=settings.antenna_sigma_m,
+        heading_rad=None if pings.heading_rad is None else pings.heading_rad[used],
     )
+    one = replace(one, lost=_lost(one, fix))
     return [replace(one, beacon=place) for place in places]
+
+
+def _usual_interval(elapsed_s: np.ndarray) -> float:
+    apart = np.diff(np.sort(elapsed_s))
+    apart = apart[apart > 0]
+    return float(np.median(apart)) if len(apart) else USUAL_INTERVAL_S
+
+
+def _lost(survey: Survey, fix: BeaconFix) -> np.ndarray | None:
+    """Information (K, K) [1/m^2] that a fix makes no use of, or that its pings do not have, by what residuals tell.
+
+    Some is lost where pings are few, where residuals hang together in time, and where bias had to be taken out.
+    """
+    told = None if fix.uncertainty is None else fix.uncertainty.residual_covariance
+    if not fix.converged or told is None:
+        return None
+    back = survey.motion.axes @ np.linalg.inv(survey.motion.at(0.0))
+    return survey.independent()[0] - survey.widened * np.linalg.inv(back @ told @ back.T)
 
 
 def plan_next_leg(
@@ -255,8 +341,7 @@ def plan_next_leg(
         leg for other in surveys[1:] for leg in candidate_legs(other, budget_s, speed_mps) if leg.over_beacon
     ]
     forecasts = sorted((forecast_leg(surveys, leg) for leg in legs), key=lambda forecast: forecast.rms_m)
-    first = surveys[0]
-    return Plan(tuple(forecasts), first.forecast(first.ship, first.elapsed_s, float(np.max(first.elapsed_s))))
+    return Plan(tuple(forecasts), surveys[0].now, worse_after(surveys, forecasts[0].leg))
 
 
 def forecast_leg(surveys: list[Survey], leg: Leg) -> Forecast:
@@ -265,19 +350,43 @@ def forecast_leg(surveys: list[Survey], leg: Leg) -> Forecast:
 
 
 def candidate_legs(survey: Survey, budget_s: float, speed_mps: float) -> list[Leg]:
-    """Legs within a time budget in BEARINGS directions from the last ping, the ones over the beacon first."""
+    """Legs within a time budget in BEARINGS directions from the last ping, the ones over the beacon first.
+
+    Those lead over where a moving beacon will be when the ship comes there.
+    """
     start, reach = survey.ship[-1, :2], budget_s * speed_mps
-    last = float(np.max(survey.elapsed_s))
-    there = (survey.beacon + last * survey.velocity)[:2] - start
+    there = (survey.beacon + survey.last_s * survey.velocity)[:2] - start
+    meeting_s = time_to_meet(there, survey.velocity[:2], speed_mps)
+    if meeting_s is not None:
+        there = there + meeting_s * survey.velocity[:2]
     distance = float(np.linalg.norm(there))
+    over = 0.0 if meeting_s is None else min(1.2 * distance / reach, 1.0)
     course = there / distance if distance > 1 else np.array([0.0, 1.0])
     angles = 2 * np.pi * np.arange(BEARINGS) / BEARINGS
     courses = [course, *np.column_stack([np.sin(angles), np.cos(angles)])]
     return [
-        Leg(start, start + share * reach * way, speed_mps, over_beacon=k == 0 and share * reach >= distance)
+        Leg(
+            start,
+            start + share * reach * way,
+            speed_mps,
+            over_beacon=k == 0 and over > 0 and share * reach >= distance,
+        )
         for k, way in enumerate(courses)
-        for share in sorted({*SHARES, 1.0 if k else min(1.2 * distance / reach, 1.0)})
+        for share in sorted({*SHARES, over if k == 0 and over else 1.0})
     ]
+
+
+def time_to_meet(there: np.ndarray, velocity: np.ndarray, speed_mps: float) -> float | None:
+    """Least time [s] in which a ship meets what is at there (2,) [m] and moves; None if it runs away."""
+    a = velocity @ velocity - speed_mps**2
+    b, c = there @ velocity, there @ there
+    if abs(a) < 1e-9:
+        return -c / (2 * b) if b < 0 else None
+    inside = b**2 - a * c
+    if inside < 0:
+        return None
+    roots = (-b + np.array([-1.0, 1.0]) * np.sqrt(inside)) / a
+    return float(roots[roots >= 0].min()) if (roots >= 0).any() else None
 
 
 def accuracy_map(survey: Survey, half_width_m: float, speed_mps: float, cells: int = 25):
@@ -318,67 +427,18 @@ def time_to_reach(
     return high
 
 
-def error_over_time(survey: Survey, track: np.ndarray, every: int = 1):
-    """Expected error [m] of the present position after the first n pings of a track (N, 2), for n = 8, ... N.
+def worse_after(surveys: list[Survey], leg: Leg) -> float | None:
+    """Time from now [s] after which a moving beacon's present place gets worse, sailing on along a leg.
 
-    Returns the counts and the errors. A moving beacon's error can rise again with time: the thesis's 3.6, 4.4.1.
+    None if it still gets better after AHEAD times the leg, and for a beacon that lies still. Wojcik (1993), 3.6, 4.4.1.
     """
-    counts = np.arange(8, len(track) + 1, every)
-    elapsed = survey.interval_s * np.arange(len(track))
-    ship = np.column_stack([track, np.full(len(track), survey.ship[-1, 2])])
-    errors = [np.sqrt(np.trace(survey.forecast(ship[:n], elapsed[:n], elapsed[n - 1]))) for n in counts]
-    return counts, np.array(errors)
-
-
-def turning_point(survey: Survey, track: np.ndarray, every: int = 1) -> float | None:
-    """Collection time [s] at which the present position is known best, None if it is still getting better."""
-    counts, errors = error_over_time(survey, track, every)
+    if surveys[0].motion_kind == "still":
+        return None
+    shares = AHEAD * np.arange(1, AHEAD_STEPS + 1) / AHEAD_STEPS
+    errors = [max(float(np.sqrt(np.trace(survey.now))) for survey in surveys)]
+    for share in shares:
+        errors.append(
+            forecast_leg(surveys, replace(leg, end=leg.start + share * (leg.end - leg.start))).rms_m
+        )
     best = int(np.argmin(errors))
-    return None if best == len(counts) - 1 else float(survey.interval_s * (counts[best] - 1))
-
-
-@dataclass(frozen=True)
-class ErrorBudget:
-    """Standard errors (east, north, depth) [m] from each cause alone; their squares add up."""
-
-    ship_position: tuple[float, float, float]
-    time: tuple[float, float, float]
-    sound_speed: tuple[float, float, float]
-
-
-def error_budget(pings: Pings, fix: BeaconFix, settings: FixSettings) -> ErrorBudget:
-    """How much of each sigma of a fix comes from ship positions, from times, and from the speed of sound.
-
-    Where the ship's error is not told, what the logging step of the times does not explain is the ship's.
-    The shares are scaled so that all three make up the sigmas stated.
-    Raises ValueError for a fix without a position or uncertainty.
-    """
-    uncertainty = fix.uncertainty
-    if uncertainty is None:
-        raise ValueError(f"there is no uncertainty to share out: {fix.reason}")
-    survey = surveys_so_far(pings, fix, settings)[0]
-    times = time_sigma(pings, settings)
-    share_of_time = np.full(3, min(times / max(uncertainty.rms_s, 1e-12), 1.0) ** 2)
-    if settings.gps_rms_m:
-        both = np.diag(survey.forecast(survey.ship, survey.elapsed_s, 0.0))
-        alone = replace(survey, time_sigma_s=1e-9)
-        ship = np.diag(alone.forecast(alone.ship, alone.elapsed_s, 0.0))
-        share_of_time = np.clip(1 - ship / np.maximum(both, 1e-300), 0.0, 1.0)
-    noise = np.diag(uncertainty.noise_covariance)[:3]
-    speed = np.abs(uncertainty.by_sound_speed[:3]) * uncertainty.speed_sigma_mps
-
-    def three(values) -> tuple[float, float, float]:
-        east, north, depth = (float(value) for value in values)
-        return east, north, depth
-
-    return ErrorBudget(
-        three(np.sqrt(noise * (1 - share_of_time))), three(np.sqrt(noise * share_of_time)), three(speed)
-    )
-
-
-def budget_words(budget: ErrorBudget, sigma: np.ndarray) -> str:
-    """The greatest cause of the depth's sigma, in words."""
-    parts = {"ship position": budget.ship_position, "time": budget.time, "sound speed": budget.sound_speed}
-    worst = max(parts, key=lambda name: parts[name][2])
-    share = 100 * (parts[worst][2] / float(sigma[2])) ** 2
-    return f"{share:.0f} % of the depth's variance comes from {worst} ({rounded(parts[worst][2])} m)"
+    return None if best == len(shares) else leg.duration_s * AHEAD * best / AHEAD_STEPS

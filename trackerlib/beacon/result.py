@@ -29,6 +29,11 @@ class Solution:
     misfit: float  # robust chi-square above the best solution's
 
 
+def chi_square_words(misfit: float) -> str:
+    """How likely a solution is beside the best, of `Solution.misfit`."""
+    return f"chi-square {misfit:.1f} above the best" if misfit >= 0.05 else "none more likely"
+
+
 @dataclass(frozen=True, eq=False)
 class Present:
     """A beacon's place at the last ping."""
@@ -61,7 +66,7 @@ class BeaconFix:
 
     converged: bool
     reason: str | None
-    frame: LocalFrame  # origin: the ship's place at the first ping
+    frame: LocalFrame  # origin: the ship's place at the first ping that has one
     ship: np.ndarray  # (N, 3) hydrophone east, north, up [m]
     number: np.ndarray  # (N,) ping numbers
     used: np.ndarray  # (N,) which pings the fix rests on
@@ -155,11 +160,15 @@ class BeaconFix:
         )
 
 
+def frame_of(pings: Pings) -> LocalFrame:
+    """The frame of a survey: its origin is the first ping that has a place, or 0, 0 where none has."""
+    placed = np.flatnonzero(np.isfinite(pings.lat_deg) & np.isfinite(pings.lon_deg))[:1]
+    return LocalFrame(*(float(np.sum(column[placed])) for column in (pings.lat_deg, pings.lon_deg)))
+
+
 def blank_fix(pings: Pings, settings: FixSettings) -> tuple[BeaconFix, np.ndarray]:
     """A fix of which only the survey is known, and which pings may be used (N,)."""
-    frame = (
-        LocalFrame(float(pings.lat_deg[0]), float(pings.lon_deg[0])) if len(pings) else LocalFrame(0.0, 0.0)
-    )
+    frame = frame_of(pings)
     ship = frame.to_local(pings.lat_deg, pings.lon_deg, pings.up_m)
     allowed = np.isfinite(pings.travel_time_s) & np.isfinite(ship).all(axis=1)
     allowed &= ~np.isin(pings.number, list(settings.left_out))

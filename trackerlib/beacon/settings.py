@@ -142,10 +142,14 @@ class FixSettings:
         return None if self.gps_axes_m is None else float(np.sqrt(np.mean(self.gps_axes_m**2)))
 
     @property
+    def clock_terms(self) -> int:
+        """How many unknowns the pinger's clock has: emission time, interval, drift."""
+        return 0 if self.emission_known else 1 + self.estimate_interval + self.estimate_interval_drift
+
+    @property
     def linear_unknowns(self) -> int:
         """How many unknowns a fix has beside place and motion."""
-        clock = 1 + self.estimate_interval + self.estimate_interval_drift
-        return (0 if self.emission_known else clock) + self.estimate_sound_speed
+        return self.clock_terms + self.estimate_sound_speed
 
     @property
     def speed_sigma_mps(self) -> float:

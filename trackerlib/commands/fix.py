@@ -5,22 +5,24 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
-from trackerlib.beacon.choice import compare_models, usual_models
+from trackerlib.beacon.choice import compare_models, usual_models, verdict
+from trackerlib.beacon.error_budget import error_budget
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.intervals import bootstrap_intervals, interval_words, profile_intervals
 from trackerlib.beacon.motion import MOTIONS
-from trackerlib.beacon.navigation import PositionLimits, pings_of_stream, ship_at_receptions
+from trackerlib.beacon.navigation import pings_of_stream, ship_at_receptions
 from trackerlib.beacon.pairs import LEAST_EXPERIMENTS
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.planning import error_budget
-from trackerlib.beacon.result import BeaconFix
+from trackerlib.beacon.result import BeaconFix, chi_square_words
 from trackerlib.beacon.settings import METHODS, FixSettings
-from trackerlib.commands.fix_document import document, step_document
+from trackerlib.commands.fix_document import document, steadiest_words, step_document
+from trackerlib.commands.position_limits import add_limits, limits_of
 from trackerlib.exports.export import SUFFIXES, export_fix
 from trackerlib.rounding import value_with_sigma
 from trackerlib.surveyfiles.profile_csv import read_profile_csv
@@ -123,16 +125,7 @@ def _about_the_ship(parser: argparse.ArgumentParser) -> None:
         help="sigma of the offset from antenna to hydrophone: each of forward and starboard, and down",
     )
     add("--hydrophone-depth-m", type=float, default=0.0, metavar="H", help="where the file does not say")
-    add(
-        "--greatest-hdop", type=float, default=10.0, metavar="H", help="positions of this or more are refused"
-    )
-    add(
-        "--greatest-age-s",
-        type=float,
-        default=2.0,
-        metavar="A",
-        help="from a position to an arrival, either side",
-    )
+    add_limits(parser)
     add(
         "--antenna-offset-m",
         type=_offset,
@@ -164,8 +157,14 @@ def _about_the_answer(parser: argparse.ArgumentParser) -> None:
 
 def read(args: argparse.Namespace) -> tuple[Pings, FixSettings]:
     """The survey and the settings that the options of `fix` tell; raises InputError."""
+    return read_and_count(args)[:2]
+
+
+def read_and_count(args: argparse.Namespace) -> tuple[Pings, FixSettings, dict[str, dict[str, int]]]:
+    """The same, and of what was refused (lines, positions, arrivals) how many for which reason."""
     if args.navigation is not None:
-        return _from_stream(args), _settings(args)
+        pings, refused = _from_stream(args)
+        return pings, _settings(args), refused
     reading = read_survey(
         args.pings,
         layout=args.format,
@@ -177,32 +176,34 @@ def read(args: argparse.Namespace) -> tuple[Pings, FixSettings]:
         print(f"{args.pings.name}, line {record.line}: {record.why}", file=sys.stderr)
     for note in reading.notes:
         print(f"{args.pings.name}: {note}", file=sys.stderr)
-    return reading.pings, _settings(args)
+    return reading.pings, _settings(args), {"lines": _by_reason(reading.bad_records)}
 
 
-def _from_stream(args: argparse.Namespace) -> Pings:
-    """Pings of arrivals and a navigation stream; what was refused is counted on standard error."""
+def _by_reason(records) -> dict[str, int]:
+    return dict(Counter(record.why for record in records))
+
+
+def _from_stream(args: argparse.Namespace) -> tuple[Pings, dict[str, dict[str, int]]]:
+    """Pings of arrivals and a navigation stream; what was refused is counted, on standard error too."""
     if args.interval_s is None:
-        raise InputError("fix: --navigation needs --interval-s, the interval of the pinger")
+        raise InputError("--navigation needs --interval-s, the interval of the pinger")
     arrivals = read_arrivals(read_lines(args.pings), args.pings.name)
     fixes, bad = read_navigation(read_lines(args.navigation), args.navigation.name)
     for path, records in ((args.pings, arrivals.bad_records), (args.navigation, bad)):
         for record in records:
             print(f"{path.name}, line {record.line}: {record.why}", file=sys.stderr)
-    try:
-        limits = PositionLimits(args.greatest_hdop, args.greatest_age_s)
-    except ValueError as error:
-        raise InputError(f"fix: {error}") from None
-    ship = ship_at_receptions(fixes, arrivals.arrival_s, limits, args.antenna_offset_m)
-    for what, counts in (("positions", ship.fixes_refused), ("arrivals", ship.refused)):
-        for why, count in counts:
+    ship = ship_at_receptions(fixes, arrivals.arrival_s, limits_of(args), args.antenna_offset_m)
+    refused = {"positions": dict(ship.fixes_refused), "arrivals": dict(ship.refused)}
+    for what, counts in refused.items():
+        for why, count in counts.items():
             print(f"{count} {what} refused: {why}", file=sys.stderr)
     if any(args.antenna_offset_m):
         for how, count in ship.turned:
             print(f"{count} arrivals: antenna offset turned by {how}", file=sys.stderr)
-    return pings_of_stream(
+    pings = pings_of_stream(
         ship, arrivals.number, args.hydrophone_depth_m, args.pings.name, arrivals.simulated
     )
+    return pings, {"lines": _by_reason([*arrivals.bad_records, *bad])} | refused
 
 
 def _settings(args: argparse.Namespace) -> FixSettings:
@@ -236,7 +237,7 @@ def _settings(args: argparse.Namespace) -> FixSettings:
     except InputError:
         raise
     except ValueError as error:
-        raise InputError(f"fix: {error}") from None
+        raise InputError(error) from None
     if settings.method == "pairs":
         count, spacing = LEAST_EXPERIMENTS[settings.motion != "still"]
         if (settings.experiments or count) < count or (settings.spacing or spacing) < spacing:
@@ -249,31 +250,38 @@ def _settings(args: argparse.Namespace) -> FixSettings:
 
 def run(args: argparse.Namespace) -> dict:
     """The answer of `fix` as a document for JSON."""
-    pings, settings = read(args)
+    pings, settings, refused = read_and_count(args)
     fix = fix_beacon(pings, settings)
     for path in args.export:
         layout = f"gpx-{args.gpx_version}" if path.suffix.lower() == ".gpx" else None
         export_fix(fix, path, layout, pings=pings, settings=settings)
-    answer = document(fix)
+    answer = document(fix) | {"refused": refused}
     answer |= _intervals(pings, fix, settings, args.intervals)
     if args.log:
         answer["log"] = [step_document(step) for step in fix.log]
     if args.compare:
-        answer["models"] = [
-            {
-                "name": score.name,
-                "motion": score.settings.motion,
-                "parameters": score.parameters,
-                "converged": score.fix.converged,
-                "aicc_above_best": score.aicc,
-                "held_out_ms": 1e3 * score.held_out_s,
-            }
-            for score in compare_models(pings, usual_models(settings))
-        ]
+        answer |= _comparison(pings, settings)
     if fix.uncertainty is not None and fix.position is not None:
         budget = error_budget(pings, fix, settings)
         answer["error_budget_m"] = {name: list(values) for name, values in asdict(budget).items()}
     return answer
+
+
+def _comparison(pings: Pings, settings: FixSettings) -> dict:
+    """The usual models scored, and which of them the pings choose."""
+    scores = compare_models(pings, usual_models(settings))
+    models = [
+        {
+            "name": score.name,
+            "motion": score.settings.motion,
+            "parameters": score.parameters,
+            "converged": score.fix.converged,
+            "aicc_above_best": score.aicc,
+            "held_out_ms": 1e3 * score.held_out_s,
+        }
+        for score in scores
+    ]
+    return {"models": models, "verdict": verdict(scores)}
 
 
 def _intervals(pings: Pings, fix: BeaconFix, settings: FixSettings, how: str | None) -> dict:
@@ -365,6 +373,7 @@ def _motion_lines(answer: dict) -> list[str]:
         f"now       {now['lat_deg']:.7f}, {now['lon_deg']:.7f}, depth {now['depth_m']:.1f} m; sigma "
         f"{now['sigma_east_m']:.2g} m east, {now['sigma_north_m']:.2g} m north, {now['sigma_depth_m']:.2g} m depth"
     )
+    lines.append(f"steadiest {steadiest_words(answer['steadiest'])}")
     if "surfaces" in answer:
         up = answer["surfaces"]
         lines.append(
@@ -391,8 +400,11 @@ def _further_lines(answer: dict) -> list[str]:
         f"held-out pings {m['held_out_ms']:.3g} ms"
         for m in answer.get("models", [])
     ]
+    if "verdict" in answer:
+        lines.append(f"choice    {answer['verdict']}")
     lines += [
-        f"fits as well: {a['lat_deg']:.6f}, {a['lon_deg']:.6f}, depth {a['depth_m']:.0f} m"
+        f"fits as well: {a['lat_deg']:.6f}, {a['lon_deg']:.6f}, depth {a['depth_m']:.0f} m, "
+        f"{chi_square_words(a['chi_square_above_best'])}"
         for a in answer["alternatives"]
     ]
     lines += [f"note      {sentence}" for sentence in answer["warnings"]]

@@ -48,9 +48,8 @@ def document(fix: BeaconFix) -> dict:
         "method": fix.method,
         "simulated": fix.simulated,
         **_uncertainty(fix),
+        **motion_document(fix),
     }
-    if fix.velocity is not None and fix.uncertainty is not None:
-        answer |= _motion(fix)
     if fix.unobservable:
         answer["along_track_m"] = fix.along_track_m
         answer["closest_slant_range_m"] = fix.closest_slant_range_m
@@ -107,8 +106,13 @@ def _uncertainty(fix: BeaconFix) -> dict:
     }
 
 
-def _motion(fix: BeaconFix) -> dict:
-    """Keys of a moving beacon: the position above is at the first ping; here it is when it is known best, and now."""
+def motion_document(fix: BeaconFix) -> dict:
+    """Keys of a moving beacon, none of another: where it is when its place is known best, now, and where it comes up.
+
+    The position of a fix is that at the first ping.
+    """
+    if fix.velocity is None or fix.uncertainty is None:
+        return {}
     last = float(np.max(fix.elapsed_s))
     instants = {"steadiest": float(np.clip(fix.steadiest_s, 0.0, last)), "present": last}
     answer = {
@@ -135,6 +139,15 @@ def _motion(fix: BeaconFix) -> dict:
     if rising > 2 * fix.uncertainty.sigma[5] > 0:
         answer["surfaces"] = _surfacing(fix)
     return answer
+
+
+def steadiest_words(then: dict) -> str:
+    """Where a moving beacon was when position and velocity trade off least, of `motion_document`'s steadiest."""
+    return (
+        f"{then['epoch_s']:.0f} s after the first ping: {then['lat_deg']:.7f}, {then['lon_deg']:.7f}, depth "
+        f"{then['depth_m']:.1f} m; sigma {then['sigma_east_m']:.2g} m east, {then['sigma_north_m']:.2g} m north, "
+        f"{then['sigma_depth_m']:.2g} m depth"
+    )
 
 
 def _surfacing(fix: BeaconFix) -> dict:

@@ -12,6 +12,7 @@ import numpy as np
 
 from trackerlib.beacon.navigation import ShipPositions, ship_at_receptions
 from trackerlib.beacon.pings import Pings
+from trackerlib.commands.position_limits import add_limits, limits_of
 from trackerlib.live.navigation_file import BeginUnknown, NavigationFile, outside_words, read_navigation_file
 from trackerlib.live.recorded_pings import followed_trace, placed_pings, utc_at
 from trackerlib.receiver.arrivals import Arrivals, joined
@@ -65,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="NMEA 0183 log, or csv utc, lat_deg, lon_deg (or time_s from the recording's start), hdop, heading_deg",
     )
+    add_limits(parser)
     add("--began", metavar="UTC", help="when the recording began, if neither its head nor its name tells")
     add(
         "--pings",
@@ -81,7 +83,8 @@ def run(args: argparse.Namespace) -> dict:
     except ValueError as error:
         raise InputError(error) from None
     if args.pings is not None and args.navigation is None:
-        raise InputError("listen: --pings needs --navigation, the file of the ship's positions")
+        raise InputError("--pings needs --navigation, the file of the ship's positions")
+    limits = limits_of(args)
     with Recording(args.recording, args.channel) as recording:
         heard = hear(args.detector, settings, recording.rate_hz, recording.blocks(), BLOCK_S)
         navigation, began_s = _navigation(args, recording)
@@ -94,7 +97,7 @@ def run(args: argparse.Namespace) -> dict:
     arrivals = joined(parts)
     for note in notes[1:]:
         print(f"{args.recording.name}: {note}", file=sys.stderr)
-    ship = None if navigation is None else ship_at_receptions(navigation.fixes, arrivals.arrival_s)
+    ship = None if navigation is None else ship_at_receptions(navigation.fixes, arrivals.arrival_s, limits)
     simulated = recording.simulated or (navigation is not None and navigation.simulated)
     write_text(args.out, csv_text(arrivals, settings.interval_s, simulated, ship))
     answer = document(args, settings, recording, arrivals, notes)
@@ -163,7 +166,7 @@ def _navigation(args: argparse.Namespace, recording: Recording) -> tuple[Navigat
     if args.began is not None:
         began_s = instant_in(args.began)
         if began_s is None:
-            raise InputError(f"listen: --began is {args.began!r}; wanted UTC such as 2018-04-26T05:10:33.25Z")
+            raise InputError(f"--began is {args.began!r}; wanted UTC such as 2018-04-26T05:10:33.25Z")
     else:
         began_s, where = recording.began or (None, "")
         if began_s is not None:
@@ -190,6 +193,7 @@ def _placed(args, settings, recording, arrivals, navigation, ship, began_s, simu
         trace,
         settings.interval_s,
         navigation.fixes,
+        limits=limits_of(args),
         began_s=began_s,
         source=args.recording.name,
         simulated=simulated,

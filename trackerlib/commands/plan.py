@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> dict:
                 surveys_so_far(pings, fix, settings)[0], args.wanted_m, args.ship_speed_mps
             )
     except ValueError as error:
-        raise InputError(f"plan: {error}") from None
+        raise InputError(error) from None
     if args.route is not None:
         write_route(plan, fix, args.route)
     return {
@@ -63,7 +63,9 @@ def run(args: argparse.Namespace) -> dict:
         "best": leg_document(plan.best, fix),
         "over_beacon": None if plan.over_beacon is None else leg_document(plan.over_beacon, fix),
         "candidates": [leg_document(forecast, fix) for forecast in plan.forecasts],
+        "wanted_m": args.wanted_m,
         "seconds_to_wanted": seconds,
+        "worse_after_s": plan.worse_after_s,
         "words": plan.words,
         "simulated": fix.simulated,
     }
@@ -119,4 +121,6 @@ def report(answer: dict) -> str:
         )
     if answer["seconds_to_wanted"] is not None:
         lines.append(f"The wanted accuracy needs {answer['seconds_to_wanted'] / 60:.0f} min.")
+    elif answer["wanted_m"] is not None:
+        lines.append(f"No straight leg reaches an error of {answer['wanted_m']:g} m within a day.")
     return "\n".join(lines)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackerlib.beacon.navigation import NavigationFixes, ShipPositions, ship_at_receptions
+from trackerlib.beacon.navigation import NavigationFixes, PositionLimits, ShipPositions, ship_at_receptions
 from trackerlib.beacon.pings import Pings
 from trackerlib.receiver.arrivals import Arrivals
 from trackerlib.receiver.following import PingFollower
@@ -34,6 +34,7 @@ def placed_pings(
     interval_s: float,
     fixes: NavigationFixes,
     *,
+    limits: PositionLimits | None = None,
     began_s: float | None = None,
     hydrophone_depth_m: float = 0.0,
     source: str = "",
@@ -43,7 +44,7 @@ def placed_pings(
 
     fixes : by the clock of the stream; began_s : that clock's zero [s since 1970], None if it is not known
     """
-    ship = ship_at_receptions(fixes, trace.arrival_s)
+    ship = ship_at_receptions(fixes, trace.arrival_s, limits or PositionLimits())
     keep = ship.accepted
     count, arrival_s = int(keep.sum()), trace.arrival_s[keep]
     unknown = np.full(count, np.datetime64("NaT", "ms"))
