@@ -8,12 +8,13 @@ import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pictures.receiver_views import DetectionView, FrontEndView, PassView
+from dashboards.pictures.receiver_views import DetectionView, FrontEndView, LevelView, PassView
 from dashboards.session import Session
 from dashboards.tabs.chart_live import LiveReceiver
 from dashboards.tabs.tab import drawn, number
 from trackerlib.receiver.cells import MatchedFilter
 from trackerlib.receiver.detection_curve import detection_curve
+from trackerlib.receiver.front_end import Attenuator
 from trackerlib.receiver.front_end_design import (
     FrontEnd,
     decibels,
@@ -22,6 +23,8 @@ from trackerlib.receiver.front_end_design import (
     source_impedance,
     thermal_noise_v,
 )
+from trackerlib.receiver.level_curve import level_curve
+from trackerlib.receiver.report_receiver import ReceiverSettings
 from trackerlib.textfiles import InputError
 
 PANES = ("Hyperbola", "Terminal", "Detection", "Front\u00a0end")
@@ -29,6 +32,7 @@ ENDED_BY_RETURN = ("?M", "!M", "!T")  # their last number ends there
 FALSE_ALARMS = np.geomspace(1e-4, 0.1, 10)
 RATIOS_DB = np.array([6.0, 9.0, 12.0, 15.0])
 PULSES = 200  # simulated at each ratio
+REPORTS, LEVEL_RATE_HZ = ReceiverSettings(attenuator=Attenuator(False, 0)), 24_000
 METER_V, METER_GAIN, METER_HZ = 6.8e-3, 19_275, 120.0  # of the report's noise measurement (5-30)
 
 
@@ -41,7 +45,8 @@ class Beside:
             options=list(PANES), value=PANES[0], size="small", margin=(2, 8), button_type="primary"
         )
         self.choice.param.watch(lambda event: self._show(), "value")
-        self.residuals, self.detection, self.front_end = PassView(), DetectionView(), FrontEndView()
+        self.residuals, self.front_end = PassView(), FrontEndView()
+        self.detection, self.levels = DetectionView(), LevelView()
         self._make_terminal()
         self._make_front_end()
         self._curves_drawn = False
@@ -50,7 +55,9 @@ class Beside:
             PANES[1]: pn.Column(
                 pn.Row(self.command, self.hint, margin=0), self.terminal, sizing_mode="stretch_both", margin=0
             ),
-            PANES[2]: drawn(self.detection.figure),
+            PANES[2]: pn.Row(
+                drawn(self.detection.figure), drawn(self.levels.figure), sizing_mode="stretch_both", margin=0
+            ),
             PANES[3]: pn.Row(
                 pn.Column(self.carrier, self.bandwidth, width=170, margin=0), drawn(self.front_end.figure),
                 pn.Column(self.design_words, width=250, scroll="y", margin=0),
@@ -131,9 +138,14 @@ class Beside:
         matched = MatchedFilter(48_000, 10_000.0, 0.01)
 
         def work(progress):
-            return detection_curve(matched, FALSE_ALARMS, RATIOS_DB, pulses=PULSES)
+            modern = detection_curve(matched, FALSE_ALARMS, RATIOS_DB, pulses=PULSES)
+            return modern, level_curve(REPORTS, LEVEL_RATE_HZ, RATIOS_DB, periods=PULSES)
 
-        self.session.jobs.start("Detection curves", work, self.detection.show)
+        def show(curves):
+            self.detection.show(curves[0])
+            self.levels.show(curves[1])
+
+        self.session.jobs.start("Detection curves", work, show)
 
     def _make_front_end(self) -> None:
         defaults = FrontEnd()
