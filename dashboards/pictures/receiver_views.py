@@ -11,11 +11,20 @@ from dashboards.palette import ESTIMATE, FIRST_ARRAY, SECOND_ARRAY, SHIP
 from dashboards.pictures.legend import LEGEND
 from trackerlib.receiver.detection_curve import DetectionCurve
 from trackerlib.receiver.front_end import ATTENUATIONS_DB
-from trackerlib.receiver.front_end_design import FrontEnd, decibels, shunt_for
+from trackerlib.receiver.front_end_design import (
+    HYDROPHONE_F,
+    FrontEnd,
+    attenuation_db,
+    decibels,
+    parallel,
+    source_impedance,
+    switched_shunts,
+)
 from trackerlib.receiver.level_curve import LevelCurve
 
 SPAN = 0.12  # of the carrier, to each side
 POINTS = 401
+TOLERANCE = 0.25  # of the hydrophone's capacitance
 STAGES = ("first stage", "second stage", "third stage")
 
 
@@ -36,13 +45,13 @@ def _legend(fig, where: str = "top_right") -> None:
 
 
 class FrontEndView:
-    """Tuned response from hydrophone to detector, the gains of its stages, and what the attenuator leaves."""
+    """Tuned response from hydrophone to detector, the gains of its stages, what the attenuator's shunts leave; |Z|."""
 
     def __init__(self):
         self.figure = fig = _strip("front end", "frequency (kHz)", "gain (dB)")
         columns = ("khz", "whole", *(f"stage{k}" for k in range(3)))
         self.source = ColumnDataSource({name: [] for name in columns}, name="front end")
-        self.steps = ColumnDataSource({"khz": [], "gain": [], "step": []})
+        self.steps = ColumnDataSource({"khz": [], "gain": [], "step": [], "taken": []})
         fig.line("khz", "whole", source=self.source, color=FIRST_ARRAY, line_width=2, legend_label="whole")
         dashes = ("dashed", "dotted", "dotdash")
         for k, (label, dash) in enumerate(zip(STAGES, dashes, strict=True)):
@@ -51,9 +60,17 @@ class FrontEndView:
             "khz", "gain", source=self.steps, color=SECOND_ARRAY, size=6, legend_label="attenuator"
         )
         fig.add_tools(
-            HoverTool(renderers=[dots], tooltips=[("attenuator", "@step dB"), ("gain", "@gain{0.0} dB")])
+            HoverTool(
+                renderers=[dots],
+                tooltips=[
+                    ("step of Table 5-2", "@step dB"),
+                    ("its shunts take off", "@taken{0.0} dB"),
+                    ("gain left", "@gain{0.0} dB"),
+                ],
+            )
         )
         _legend(fig)
+        self._make_impedance()
 
     def show(self, design: FrontEnd) -> None:
         """Another design."""
@@ -65,12 +82,45 @@ class FrontEndView:
             **{f"stage{k}": decibels(stage) for k, stage in enumerate(stages)},
         }
         steps = [step for step in ATTENUATIONS_DB if step]
-        gain = [
-            float(design.gain_db(design.carrier_hz, shunt_for(design.third.series_ohm, step)))
-            for step in steps
-        ]
+        shunts = [switched_shunts(design.third.series_ohm, step) for step in steps]
+        gain = [float(design.gain_db(design.carrier_hz, parallel(*each))) for each in shunts]
+        taken = [attenuation_db(design.third.series_ohm, each) for each in shunts]
         khz = design.carrier_hz / 1e3
-        self.steps.data = {"khz": [khz] * len(steps), "gain": gain, "step": steps}
+        self.steps.data = {"khz": [khz] * len(steps), "gain": gain, "step": steps, "taken": taken}
+        self._show_impedance(design.carrier_hz)
+
+    def _make_impedance(self) -> None:
+        self.impedance = fig = _strip(
+            "source impedance",
+            "frequency (kHz)",
+            "|Z| of the source (Ω)",
+            x_axis_type="log",
+            y_axis_type="log",
+        )
+        self.ohms = ColumnDataSource({"khz": [], "ohm": [], "least": [], "most": []}, name="source impedance")
+        self.at_carrier = ColumnDataSource({"khz": [], "ohm": []})
+        fig.varea(
+            "khz", "least", "most", source=self.ohms, fill_color=SHIP, fill_alpha=0.2, legend_label="± 25 %"
+        )
+        fig.line(
+            "khz", "ohm", source=self.ohms, color=FIRST_ARRAY, line_width=2, legend_label="hydrophone, cable"
+        )
+        dot = fig.scatter(
+            "khz", "ohm", source=self.at_carrier, color=SECOND_ARRAY, size=6, legend_label="carrier"
+        )
+        fig.add_tools(HoverTool(renderers=[dot], tooltips=[("at", "@khz kHz"), ("|Z|", "@ohm{0} Ω")]))
+        _legend(fig)
+
+    def _show_impedance(self, carrier_hz: float) -> None:
+        """(5-13), Figure 5-6, with the tolerance of the hydrophone's capacitance."""
+        hz = np.geomspace(0.1, 10, POINTS) * carrier_hz
+        self.ohms.data = {
+            "khz": hz / 1e3,
+            "ohm": np.abs(source_impedance(hz)),
+            "least": np.abs(source_impedance(hz, hydrophone_f=(1 + TOLERANCE) * HYDROPHONE_F)),
+            "most": np.abs(source_impedance(hz, hydrophone_f=(1 - TOLERANCE) * HYDROPHONE_F)),
+        }
+        self.at_carrier.data = {"khz": [carrier_hz / 1e3], "ohm": [float(abs(source_impedance(carrier_hz)))]}
 
 
 class ThresholdView:
