@@ -185,14 +185,13 @@ class LevelView(ThresholdView):
         super().__init__(
             "level", "threshold of the report's chain: level, 0 to 255", "false alarms, a period"
         )
+        self.figure.x_range = Range1d(0, 255)
 
     def show(self, curve: LevelCurve) -> None:
         """These curves."""
         told = slice(None, None, 8)  # dots among the lines
         self._draw(curve.level, curve.snr_db, curve.false_alarm, curve.miss, curve.false_alarm, curve.miss)
         self.dots.data = {name: np.asarray(column)[told] for name, column in self.dots.data.items()}
-        heard = curve.false_alarm < 1
-        self.figure.x_range.update(start=float(curve.level[heard][0]) - 10 if heard.any() else 0, end=255)
 
 
 class PassView:

@@ -33,7 +33,7 @@ def test_both_detectors_show_misses_and_false_alarms_against_their_threshold():
         assert "threshold" in view.figure.xaxis[0].axis_label
         assert len({len(column) for column in view.dots.data.values()}) == 1
     assert np.nan_to_num(modern.dots.data["y"])[:2] == pytest.approx(curve.false_alarm_found)
-    assert report.figure.x_range.end == 255
+    assert (report.figure.x_range.start, report.figure.x_range.end) == (0, 255)
 
 
 def test_the_attenuator_shows_what_its_shunts_take_off():
@@ -62,7 +62,7 @@ def test_the_words_name_the_slips():
     words = design_words(FrontEnd())
     for each in (
         "24.0 + 31.0 + 33.9 dB", "1693 Ω", "0.6 nV/√Hz (5.3 if", "0.011 dB (0.42 if", "−11.9 dB",
-            "478 kΩ (printed 560)",
+        "478 kΩ (printed 560)",
         "67 dB in 100 Hz (printed 87", "73.5 dB for 1.7 mV (printed 58", "36.3 nV/√Hz (printed 31)",
         "27.6 nV/√Hz (printed 28)", "takes off 10.2 dB", "takes off 28.0 dB",
     ):  # fmt: skip
