@@ -19,7 +19,7 @@ import numpy as np
 from trackerlib.receiver.chains import surprise
 
 DIVISORS = (2, 3)
-LEAST_SHARE = 0.25  # of the places between that must be filled; a train shows half of its pings to be found
+LEAST_SHARE = 0.25  # of the places between that must be filled
 LEAST_SURPRISE = 10.0  # minus log probability that chance fills them
 EQUAL = 1e-3  # relative difference of intervals that are the same
 ECHO_S = 0.1  # at most, between a ping and an echo that takes its place
