@@ -1,4 +1,4 @@
-"""The receiver behind the chart: response of its front end, detection curves, residuals of a hyperbola."""
+"""The receiver behind the chart: response of its front end, misses and false alarms, residuals of a hyperbola."""
 
 from __future__ import annotations
 
@@ -11,10 +11,20 @@ from dashboards.palette import ESTIMATE, FIRST_ARRAY, SECOND_ARRAY, SHIP
 from dashboards.pictures.legend import LEGEND
 from trackerlib.receiver.detection_curve import DetectionCurve
 from trackerlib.receiver.front_end import ATTENUATIONS_DB
-from trackerlib.receiver.front_end_design import FrontEnd, decibels, shunt_for
+from trackerlib.receiver.front_end_design import (
+    HYDROPHONE_F,
+    FrontEnd,
+    attenuation_db,
+    decibels,
+    parallel,
+    source_impedance,
+    switched_shunts,
+)
+from trackerlib.receiver.level_curve import LevelCurve
 
 SPAN = 0.12  # of the carrier, to each side
 POINTS = 401
+TOLERANCE = 0.25  # of the hydrophone's capacitance
 STAGES = ("first stage", "second stage", "third stage")
 
 
@@ -35,13 +45,13 @@ def _legend(fig, where: str = "top_right") -> None:
 
 
 class FrontEndView:
-    """Tuned response from hydrophone to detector, the gains of its stages, and what the attenuator leaves."""
+    """Tuned response from hydrophone to detector, the gains of its stages, what the attenuator's shunts leave; |Z|."""
 
     def __init__(self):
         self.figure = fig = _strip("front end", "frequency (kHz)", "gain (dB)")
         columns = ("khz", "whole", *(f"stage{k}" for k in range(3)))
         self.source = ColumnDataSource({name: [] for name in columns}, name="front end")
-        self.steps = ColumnDataSource({"khz": [], "gain": [], "step": []})
+        self.steps = ColumnDataSource({"khz": [], "gain": [], "step": [], "taken": []})
         fig.line("khz", "whole", source=self.source, color=FIRST_ARRAY, line_width=2, legend_label="whole")
         dashes = ("dashed", "dotted", "dotdash")
         for k, (label, dash) in enumerate(zip(STAGES, dashes, strict=True)):
@@ -50,9 +60,17 @@ class FrontEndView:
             "khz", "gain", source=self.steps, color=SECOND_ARRAY, size=6, legend_label="attenuator"
         )
         fig.add_tools(
-            HoverTool(renderers=[dots], tooltips=[("attenuator", "@step dB"), ("gain", "@gain{0.0} dB")])
+            HoverTool(
+                renderers=[dots],
+                tooltips=[
+                    ("step of Table 5-2", "@step dB"),
+                    ("its shunts take off", "@taken{0.0} dB"),
+                    ("gain left", "@gain{0.0} dB"),
+                ],
+            )
         )
         _legend(fig)
+        self._make_impedance()
 
     def show(self, design: FrontEnd) -> None:
         """Another design."""
@@ -64,52 +82,116 @@ class FrontEndView:
             **{f"stage{k}": decibels(stage) for k, stage in enumerate(stages)},
         }
         steps = [step for step in ATTENUATIONS_DB if step]
-        gain = [
-            float(design.gain_db(design.carrier_hz, shunt_for(design.third.series_ohm, step)))
-            for step in steps
-        ]
+        shunts = [switched_shunts(design.third.series_ohm, step) for step in steps]
+        gain = [float(design.gain_db(design.carrier_hz, parallel(*each))) for each in shunts]
+        taken = [attenuation_db(design.third.series_ohm, each) for each in shunts]
         khz = design.carrier_hz / 1e3
-        self.steps.data = {"khz": [khz] * len(steps), "gain": gain, "step": steps}
+        self.steps.data = {"khz": [khz] * len(steps), "gain": gain, "step": steps, "taken": taken}
+        self._show_impedance(design.carrier_hz)
+
+    def _make_impedance(self) -> None:
+        self.impedance = fig = _strip(
+            "source impedance",
+            "frequency (kHz)",
+            "|Z| of the source (Ω)",
+            x_axis_type="log",
+            y_axis_type="log",
+        )
+        self.ohms = ColumnDataSource({"khz": [], "ohm": [], "least": [], "most": []}, name="source impedance")
+        self.at_carrier = ColumnDataSource({"khz": [], "ohm": []})
+        fig.varea(
+            "khz", "least", "most", source=self.ohms, fill_color=SHIP, fill_alpha=0.2, legend_label="± 25 %"
+        )
+        fig.line(
+            "khz", "ohm", source=self.ohms, color=FIRST_ARRAY, line_width=2, legend_label="hydrophone, cable"
+        )
+        dot = fig.scatter(
+            "khz", "ohm", source=self.at_carrier, color=SECOND_ARRAY, size=6, legend_label="carrier"
+        )
+        fig.add_tools(HoverTool(renderers=[dot], tooltips=[("at", "@khz kHz"), ("|Z|", "@ohm{0} Ω")]))
+        _legend(fig)
+
+    def _show_impedance(self, carrier_hz: float) -> None:
+        """(5-13), Figure 5-6, with the tolerance of the hydrophone's capacitance."""
+        hz = np.geomspace(0.1, 10, POINTS) * carrier_hz
+        self.ohms.data = {
+            "khz": hz / 1e3,
+            "ohm": np.abs(source_impedance(hz)),
+            "least": np.abs(source_impedance(hz, hydrophone_f=(1 + TOLERANCE) * HYDROPHONE_F)),
+            "most": np.abs(source_impedance(hz, hydrophone_f=(1 - TOLERANCE) * HYDROPHONE_F)),
+        }
+        self.at_carrier.data = {"khz": [carrier_hz / 1e3], "ohm": [float(abs(source_impedance(carrier_hz)))]}
 
 
-class DetectionView:
-    """Misses against false alarms of the modern detector: lines by theory, dots simulated."""
+class ThresholdView:
+    """Misses at several signal-to-noise ratios and false alarms of a detector against its threshold.
+
+    Lines are theory where there is one; dots, or lines where there is none, are simulated.
+    """
+
+    def __init__(self, name: str, across: str, alarms: str):
+        self.figure = fig = _strip(name, across, "share", y_axis_type="log", y_range=Range1d(5e-4, 1.3))
+        columns = ("xs", "ys", "ink", "what")
+        self.lines = ColumnDataSource({each: [] for each in columns}, name=f"{name} lines")
+        self.dots = ColumnDataSource({each: [] for each in ("x", "y", "ink", "what")}, name=name)
+        self._alarms = alarms
+        fig.multi_line("xs", "ys", source=self.lines, color="ink", line_width=1.5, legend_field="what")
+        dots = fig.scatter("x", "y", source=self.dots, color="ink", size=5)
+        tips = [("", "@what"), ("threshold", "@x{0.0}"), ("share", "@y{0.0000}")]
+        fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
+        _legend(fig, "bottom_left")
+
+    def _draw(self, threshold, snr_db, alarms, misses, alarms_found, misses_found) -> None:
+        """Shares at thresholds (T,): alarms (T,), misses (S, T), and the same as simulated where that differs."""
+        steps = max(len(snr_db) - 1, 1)
+        inks = [SECOND_ARRAY, *(Viridis256[round(200 * k / steps)] for k in range(len(snr_db)))]
+        names = [self._alarms, *(f"misses, {ratio:.0f} dB" for ratio in snr_db)]
+        ys = [_above_none(each) for each in (alarms, *misses)]
+        self.lines.data = {"xs": [threshold] * len(names), "ys": ys, "ink": inks, "what": names}
+        found = np.concatenate([_above_none(each) for each in (alarms_found, *misses_found)])
+        self.dots.data = {
+            "x": np.tile(threshold, len(names)),
+            "y": found,
+            "ink": np.repeat(inks, len(threshold)),
+            "what": np.repeat(names, len(threshold)),
+        }
+
+
+def _above_none(share) -> np.ndarray:
+    """Shares for a logarithmic axis, which has no place for none at all."""
+    return np.where(np.asarray(share) > 0, share, np.nan)
+
+
+class DetectionView(ThresholdView):
+    """The modern detector's: lines by theory, dots simulated."""
 
     def __init__(self):
-        self.figure = fig = _strip(
-            "detection", "false alarms, a cell", "misses", x_axis_type="log", y_range=Range1d(-0.02, 1.02)
+        super().__init__(
+            "detection", "threshold of the matched filter: power over noise (dB)", "false alarms, a cell"
         )
-        self.theory = ColumnDataSource({"xs": [], "ys": [], "ink": [], "snr": []}, name="detection theory")
-        self.found = ColumnDataSource(
-            {name: [] for name in ("x", "y", "ink", "snr", "threshold")}, name="detection"
-        )
-        self.alarms = ColumnDataSource({"x": [], "y": []}, name="false alarms")
-        fig.multi_line("xs", "ys", source=self.theory, color="ink", line_width=1.5)
-        dots = fig.scatter("x", "y", source=self.found, color="ink", size=6, legend_field="snr")
-        tips = [
-            ("SNR", "@snr"),
-            ("false alarms", "@x{0.0e}"),
-            ("misses", "@y{0.000}"),
-            ("power over noise", "@threshold{0.0}"),
-        ]
-        fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
-        _legend(fig, "top_right")
 
     def show(self, curve: DetectionCurve) -> None:
         """These curves."""
-        inks = [Viridis256[round(200 * k / max(len(curve.snr_db) - 1, 1))] for k in range(len(curve.snr_db))]
-        names = [f"{ratio:.0f} dB" for ratio in curve.snr_db]
-        count = len(curve.false_alarm)
-        self.theory.data = {
-            "xs": [curve.false_alarm] * len(names), "ys": list(curve.miss), "ink": inks, "snr": names,
-        }  # fmt: skip
-        self.found.data = {
-            "x": np.tile(curve.false_alarm, len(names)),
-            "y": curve.miss_found.ravel(),
-            "ink": np.repeat(inks, count),
-            "snr": np.repeat(names, count),
-            "threshold": np.tile(curve.threshold, len(names)),
-        }
+        self._draw(
+            10 * np.log10(curve.threshold), curve.snr_db, curve.false_alarm, curve.miss,
+            curve.false_alarm_found, curve.miss_found,
+        )  # fmt: skip
+
+
+class LevelView(ThresholdView):
+    """Those of the report's chain, all simulated."""
+
+    def __init__(self):
+        super().__init__(
+            "level", "threshold of the report's chain: level, 0 to 255", "false alarms, a period"
+        )
+        self.figure.x_range = Range1d(0, 255)
+
+    def show(self, curve: LevelCurve) -> None:
+        """These curves."""
+        told = slice(None, None, 8)  # dots among the lines
+        self._draw(curve.level, curve.snr_db, curve.false_alarm, curve.miss, curve.false_alarm, curve.miss)
+        self.dots.data = {name: np.asarray(column)[told] for name, column in self.dots.data.items()}
 
 
 class PassView:

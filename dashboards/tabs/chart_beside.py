@@ -8,20 +8,17 @@ import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards.pictures.receiver_views import DetectionView, FrontEndView, PassView
+from dashboards.pictures.receiver_views import DetectionView, FrontEndView, LevelView, PassView
 from dashboards.session import Session
 from dashboards.tabs.chart_live import LiveReceiver
+from dashboards.tabs.front_end_words import design_words
 from dashboards.tabs.tab import drawn, number
 from trackerlib.receiver.cells import MatchedFilter
 from trackerlib.receiver.detection_curve import detection_curve
-from trackerlib.receiver.front_end_design import (
-    FrontEnd,
-    decibels,
-    dynamic_range_db,
-    noise_by_meter,
-    source_impedance,
-    thermal_noise_v,
-)
+from trackerlib.receiver.front_end import Attenuator
+from trackerlib.receiver.front_end_design import FrontEnd
+from trackerlib.receiver.level_curve import level_curve
+from trackerlib.receiver.report_receiver import ReceiverSettings
 from trackerlib.textfiles import InputError
 
 PANES = ("Hyperbola", "Terminal", "Detection", "Front\u00a0end")
@@ -29,7 +26,7 @@ ENDED_BY_RETURN = ("?M", "!M", "!T")  # their last number ends there
 FALSE_ALARMS = np.geomspace(1e-4, 0.1, 10)
 RATIOS_DB = np.array([6.0, 9.0, 12.0, 15.0])
 PULSES = 200  # simulated at each ratio
-METER_V, METER_GAIN, METER_HZ = 6.8e-3, 19_275, 120.0  # of the report's noise measurement (5-30)
+REPORTS, LEVEL_RATE_HZ = ReceiverSettings(attenuator=Attenuator(False, 0)), 24_000
 
 
 class Beside:
@@ -41,7 +38,8 @@ class Beside:
             options=list(PANES), value=PANES[0], size="small", margin=(2, 8), button_type="primary"
         )
         self.choice.param.watch(lambda event: self._show(), "value")
-        self.residuals, self.detection, self.front_end = PassView(), DetectionView(), FrontEndView()
+        self.residuals, self.front_end = PassView(), FrontEndView()
+        self.detection, self.levels = DetectionView(), LevelView()
         self._make_terminal()
         self._make_front_end()
         self._curves_drawn = False
@@ -50,10 +48,12 @@ class Beside:
             PANES[1]: pn.Column(
                 pn.Row(self.command, self.hint, margin=0), self.terminal, sizing_mode="stretch_both", margin=0
             ),
-            PANES[2]: drawn(self.detection.figure),
+            PANES[2]: pn.Row(
+                drawn(self.detection.figure), drawn(self.levels.figure), sizing_mode="stretch_both", margin=0
+            ),
             PANES[3]: pn.Row(
                 pn.Column(self.carrier, self.bandwidth, width=170, margin=0), drawn(self.front_end.figure),
-                pn.Column(self.design_words, width=250, scroll="y", margin=0),
+                drawn(self.front_end.impedance), pn.Column(self.design_words, width=330, scroll="y", margin=0),
                 sizing_mode="stretch_both", margin=0,
             ),
         }  # fmt: skip
@@ -131,9 +131,14 @@ class Beside:
         matched = MatchedFilter(48_000, 10_000.0, 0.01)
 
         def work(progress):
-            return detection_curve(matched, FALSE_ALARMS, RATIOS_DB, pulses=PULSES)
+            modern = detection_curve(matched, FALSE_ALARMS, RATIOS_DB, pulses=PULSES)
+            return modern, level_curve(REPORTS, LEVEL_RATE_HZ, RATIOS_DB, periods=PULSES)
 
-        self.session.jobs.start("Detection curves", work, self.detection.show)
+        def show(curves):
+            self.detection.show(curves[0])
+            self.levels.show(curves[1])
+
+        self.session.jobs.start("Detection curves", work, show)
 
     def _make_front_end(self) -> None:
         defaults = FrontEnd()
@@ -163,23 +168,3 @@ class Beside:
         design = FrontEnd(carrier_hz=carrier, bandwidth_hz=bandwidth)
         self.front_end.show(design)
         self.design_words.object = design_words(design)
-
-
-def design_words(design: FrontEnd) -> str:
-    """Gains, impedance and noise at the carrier, as HTML."""
-    hz = design.carrier_hz
-    stages = [float(decibels(stage)) for stage in design.stage_gains(hz)]
-    source = complex(source_impedance(hz))
-    noise = noise_by_meter(METER_V, METER_GAIN, METER_HZ)
-    rows = {
-        "stage gains": " + ".join(f"{gain:.1f}" for gain in stages) + " dB",
-        "with the couplings": f"{float(design.gain_db(hz)):.1f} dB",
-        "source impedance": f"{abs(source):.0f} Ω",
-        "its thermal noise": f"{1e9 * float(thermal_noise_v(source.real)):.2g} nV/√Hz",
-        "noise by the report's meter": f"{1e9 * noise:.1f} nV/√Hz (it prints 31)",
-        "compressor's span": f"{dynamic_range_db():.0f} dB",
-    }
-    cells = "".join(
-        f"<tr><td style='padding-right:8px'>{name}</td><td>{text}</td></tr>" for name, text in rows.items()
-    )
-    return f"<b>At {hz / 1e3:g} kHz</b><table>{cells}</table>"

@@ -28,6 +28,7 @@ SOURCES = {
     "Deck unit on its line": DECK,
     "Stored receiver session": STORED,
 }
+SECOND_PINGERS = {"none": 0.0, "every 2.5 s": 2.5, "every 3 s": 3.0}  # which interferes with the beacon
 NUDGE_S = 1e-4
 COLUMNS = 1000
 USUAL_THRESHOLD = 120
@@ -77,6 +78,7 @@ class ChartControls:
         )
         self.seed = number("Seed", 1, "Of noise, pings not sent and GPS errors of the simulated hunt")
         self.sea_state = choice(SCALE[0].upper() + SCALE[1:], sea_states(), 3.0)
+        self.second = choice("Second pinger", SECOND_PINGERS, 0.0)
         self.simulate = _button("Simulate and hear", variant="contained")
         tip = "Serial device such as /dev/ttyUSB0 or COM3, or tcp:HOST:PORT"
         self.address, self.connect = _path("Device or address", tip), _button("Connect", variant="contained")
@@ -100,6 +102,7 @@ class ChartControls:
             SIMULATION: pn.Column(
                 self.seed,
                 self.sea_state,
+                self.second,
                 self.simulate,
                 margin=0,
                 sizing_mode="stretch_width",

@@ -14,6 +14,7 @@ from dashboards.tabs.chart_words import deck_words, feed_words, position_notes, 
 from trackerlib.live.navigation_file import BeginUnknown, read_navigation_file
 from trackerlib.receiver.recording_start import instant_in
 from trackerlib.rounding import value_with_sigma
+from trackerlib.simulation.hunt_sound import second_pinger
 from trackerlib.textfiles import InputError, decode_lines, read_bytes
 
 EMULATOR_RATE = 20.0  # of an emulator started here, unless told
@@ -120,13 +121,16 @@ class Inputs:
     def _simulate(self) -> None:
         c = self.controls_
         seed, sea_state = c.seed.value or 0, c.sea_state.value
+        others = (second_pinger(c.second.value),) if c.second.value else ()
 
         def done(sound):
             self._sounds[SIMULATION] = sound
             self._show_as(SIMULATION)
             self._try(self._hear_again)
 
-        self.session.jobs.start("Simulate", lambda progress: SimulatedHuntSound(seed, sea_state), done)
+        self.session.jobs.start(
+            "Simulate", lambda progress: SimulatedHuntSound(seed, sea_state, others=others), done
+        )
 
     def _hear_again(self) -> None:
         """Hears the sound from its beginning, off the event loop; lines come as they are heard."""

@@ -10,7 +10,9 @@ import pytest
 import soundfile
 from sounds import DENSITY_V, pulses_at
 
+from trackerlib.acoustics.ambient_noise import ambient_noise_db, equivalent_noise_v, table_5_1
 from trackerlib.commands import main
+from trackerlib.receiver.detectors import DETECTORS
 from trackerlib.receiver.report_receiver import FULL_SCALE_V
 from trackerlib.simulation.hunt_files import write_hunt
 from trackerlib.simulation.hunt_sound import simulate_hunt_sound
@@ -190,6 +192,40 @@ def test_a_late_echo_is_no_second_pinger(call, tmp_path):
     assert echo["lag_ms"] == pytest.approx(130, abs=1)
     assert trains[echo["echo_of"] - 1]["interval_s"] == pytest.approx(2.0, abs=1e-5)
     assert "ms behind" in call(path)[2]
+
+
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_the_direct_arrival_is_told_where_the_echo_is_louder(call, tmp_path, detector):
+    """An echo 1.4 times as loud 30 ms behind is rank 1; the direct arrival is rank 2, and in the train."""
+    path, true_s = tmp_path / "echo.flac", 0.3137 + 2.0 * np.arange(30)
+    every = joined_pulses(pulses_at(true_s, 40), pulses_at(true_s + 0.030, 40, relative=1.4))
+    write_sound(path, SimulatedSound(every, DENSITY_V, 24_000, FULL_SCALE_V, 1), 60.0)
+    code, rows, out, _ = call(path, "--detector", detector, "--json")
+    answer = json.loads(out)
+    assert code == 0
+    straight = [row for row in rows if row["direct"] == "1"]
+    assert {row["rank"] for row in straight} == {"2"}
+    assert len(straight) == answer["direct"] == 30
+    assert [float(row["arrival_s"]) for row in straight] == pytest.approx(true_s, abs=2e-3)
+    assert [(row["train"], int(row["emission"])) for row in straight] == [("1", k) for k in range(30)]
+    assert all(row["train"] == row["emission"] == "" for row in rows if row["direct"] == "0")
+    assert [(train["pings"], train["missed"], train["extra"]) for train in answer["trains"]] == [(30, 0, 0)]
+    words = call(path, "--detector", detector)[2]
+    assert "30 of them direct" in words
+    assert "0 extra" in words
+    assert "ppm" in words
+
+
+@pytest.mark.parametrize("state", [row[0] for row in table_5_1() if row[0] != "limit"])
+def test_arrivals_are_right_to_0_4_ms_in_every_sea_state(call, tmp_path, state):
+    """20 dB in the tuned band, 30 pings at any phase of the sample interval, by the report's chain."""
+    density_v = equivalent_noise_v(ambient_noise_db(float(state)))
+    path, true_s = tmp_path / "sea.flac", 0.3137 + 2.00003 * np.arange(30)
+    pulses = pulses_at(true_s, 20, density_v=density_v)
+    write_sound(path, SimulatedSound(pulses, density_v, 24_000, FULL_SCALE_V, 1), 60.0)
+    _, rows, _, _ = call(path, "--maxima", 1)
+    error_s = np.array([float(row["arrival_s"]) for row in rows]) - true_s
+    assert np.sqrt(np.mean(error_s**2)) < 0.4e-3
 
 
 def test_a_disk_that_fills_leaves_no_half_file(call, recording, tmp_path, monkeypatch):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackerlib.receiver.chart import ChartSettings, LevelPaper, chart_lines, fold, level_lines
+from trackerlib.receiver.chart import ChartSettings, chart_lines, fold, level_lines
 
 
 def darkest(lines):
@@ -89,18 +89,6 @@ def test_a_tenth_of_a_millisecond_is_a_column_in_ten_lines():
     lines = level_lines(levels_with_marks(1.0 + 2.0 * np.arange(500), 1001.0), ChartSettings(2.0001, 2000))
     column = np.argmax(lines, axis=1)
     assert column[0] - column[499] == pytest.approx(0.0001 * 499 / 2.0001 * 2000, abs=1)
-
-
-@pytest.mark.parametrize("offset_s", [0.0, 0.3, -1.7, 5.5])
-def test_levels_fed_in_blocks_give_the_same_lines(offset_s):
-    rng = np.random.default_rng(3)
-    levels = rng.integers(0, 256, 30_000, dtype=np.uint8)
-    settings = ChartSettings(interval_s=1.3337, columns=400, offset_s=offset_s)
-    whole = level_lines(levels, settings)
-    paper = LevelPaper(settings)
-    cuts = np.sort(rng.integers(0, 30_000, 60))
-    assert np.array_equal(whole, np.concatenate([paper.feed(block) for block in np.split(levels, cuts)]))
-    assert paper.lines == len(whole)
 
 
 def test_the_offset_falls_on_the_left_edge_and_paper_before_the_first_sample_is_bare():

@@ -33,6 +33,30 @@ def test_first_stage():
     assert decibels(design.first_stage_gain(1e12)) == pytest.approx(25.5, abs=0.05)
 
 
+def test_loading_and_noise_of_the_source():
+    source = complex(design.source_impedance(10e3))
+    assert design.loading_loss_db(abs(source), 20 * abs(source)) == pytest.approx(0.42, abs=0.005)
+    assert design.loading_loss_db(source, 20 * abs(source)) == pytest.approx(0.011, abs=5e-4)
+    assert design.source_noise_v(source, 120e3) == pytest.approx(0.6e-9, abs=0.05e-9)
+    assert design.thermal_noise_v(1700, kelvin=293) == pytest.approx(5.2e-9, abs=0.05e-9)
+
+
+def test_required_gains_and_what_they_rest_on():
+    assert design.required_gain_db() == pytest.approx(87, abs=0.1)  # printed
+    assert design.required_gain_db(bandwidth_hz=100) == pytest.approx(67, abs=0.1)
+    assert design.least_gain_db() == pytest.approx(58, abs=0.1)  # printed
+    volt = design.signal_v(30, 100)
+    assert volt == pytest.approx(1.69e-3, abs=0.005e-3)  # printed: about 10 mV
+    assert decibels(10e-3 / volt) == pytest.approx(15.5, abs=0.1)
+    assert design.signal_v(30, 17) == pytest.approx(10e-3, rel=0.01)
+    assert design.least_gain_db(volt) == pytest.approx(73.5, abs=0.1)
+
+
+@pytest.mark.parametrize(("step", "taken"), [(3, 3), (9, 9), (12, 10.2), (18, 18), (24, 24), (30, 28.0)])
+def test_steps_are_what_the_switched_shunts_take_off(step, taken):
+    assert attenuation_db(10e3, design.switched_shunts(10e3, step)) == pytest.approx(taken, abs=0.05)
+
+
 def test_a_tuned_load_is_resistor_coil_and_capacitor_in_parallel():
     ohm, farad, henry = 68e3, 10e-9, 25.33e-3
     resonance = design.resonance_hz(henry, farad)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from trackerlib.receiver.intervals import IntervalTracker, separate
+from trackerlib.receiver.multiples import Numbered, at_own_interval
 
 
 def heard(rng, interval_s, seconds, *, first_s, drift_ppm=0.0, missing=0.3, jitter_s=4e-4, range_m=None):
@@ -48,6 +49,32 @@ def test_every_emission_number_is_right(seed, range_m):
         assert len(np.unique(number[rows][mine] - train.emission[mine])) == 1
         assert train.missed == train.emission[-1] + 1 - len(train.rows)
     assert 50 <= trains[0].extra <= 64
+
+
+@pytest.mark.parametrize("off_s", [0.012, 0.3])
+def test_two_pingers_of_one_interval_stay_two(off_s):
+    """4 s each, and half of it apart but for `off_s`: more than the scatter of either."""
+    rng = np.random.default_rng(1)
+    one, _ = heard(rng, 4.0, 400, first_s=0.31, missing=0.1)
+    two, _ = heard(rng, 4.0, 400, first_s=2.31 + off_s, missing=0.1)
+    trains = separate(np.concatenate([one, two]))
+    assert [round(train.interval_s, 2) for train in trains] == [4.0, 4.0]
+
+
+@pytest.mark.parametrize("divisor", [2, 3])
+@pytest.mark.parametrize("off_s", [0.0, 0.012])
+def test_a_train_at_a_multiple_takes_what_stands_between_and_nothing_beside(divisor, off_s):
+    rng = np.random.default_rng(1)
+    arrival, number = heard(rng, 2.0, 300, first_s=0.31)
+    arrival = np.where(number % divisor, arrival + off_s, arrival)
+    found = np.flatnonzero(number % divisor == 0)
+    few = Numbered((number[found] - number[found][0]) // divisor, found)
+    (train,) = at_own_interval([few], arrival, 0.4, 1e-3)
+    if off_s:
+        assert train is few
+    else:
+        assert len(train.rows) > len(arrival) - 2 * divisor  # what comes before its first or after its last
+        assert np.ptp(number[train.rows] - train.emission) == 0
 
 
 def test_interval_and_drift_have_true_sigmas():

@@ -17,19 +17,16 @@ from trackerlib.live.navigation_file import BeginUnknown, NavigationFile, outsid
 from trackerlib.live.recorded_pings import followed_trace, placed_pings, utc_at
 from trackerlib.receiver.arrivals import Arrivals, joined
 from trackerlib.receiver.detectors import DETECTORS, hear
-from trackerlib.receiver.following import ping_rows
 from trackerlib.receiver.front_end import ATTENUATIONS_DB, Attenuator
-from trackerlib.receiver.intervals import separate
-from trackerlib.receiver.late_echoes import late_echoes
 from trackerlib.receiver.recording import BLOCK_S, Recording
 from trackerlib.receiver.recording_start import instant_in
 from trackerlib.receiver.report_receiver import ReceiverSettings
+from trackerlib.receiver.trains import SortedArrivals, sort_arrivals
 from trackerlib.rounding import value_with_sigma
 from trackerlib.textfiles import InputError, read_lines, write_text
 
 SUMMARY = "find a pinger's arrivals in a recording of sound"
 GAINS = ("auto", *map(str, ATTENUATIONS_DB))
-SHORTEST_S, LONGEST_S = 0.4, 20.0  # intervals of pingers looked for, and what --interval-s asks beyond
 BAD_LINES = 5  # of a navigation file that are told one by one
 
 
@@ -99,20 +96,27 @@ def run(args: argparse.Namespace) -> dict:
         print(f"{args.recording.name}: {note}", file=sys.stderr)
     ship = None if navigation is None else ship_at_receptions(navigation.fixes, arrivals.arrival_s, limits)
     simulated = recording.simulated or (navigation is not None and navigation.simulated)
-    write_text(args.out, csv_text(arrivals, settings.interval_s, simulated, ship))
-    answer = document(args, settings, recording, arrivals, notes)
+    found = sort_arrivals(arrivals, settings.interval_s)
+    write_text(args.out, csv_text(arrivals, settings.interval_s, simulated, ship, found))
+    answer = document(args, settings, recording, arrivals, found, notes)
     if navigation is None:
         return answer
     return answer | _placed(args, settings, recording, arrivals, navigation, ship, began_s, simulated)
 
 
 def csv_text(
-    arrivals: Arrivals, interval_s: float, simulated: bool, ship: ShipPositions | None = None
+    arrivals: Arrivals,
+    interval_s: float,
+    simulated: bool,
+    ship: ShipPositions | None = None,
+    found: SortedArrivals | None = None,
 ) -> str:
     """Arrivals as CSV, a row each; what a detector does not tell is left empty.
 
     ship : where she was at each; it adds latitude, longitude and why there is none
+    found : which are direct and of which train; worked out here if it is not told
     """
+    found = found or sort_arrivals(arrivals, interval_s)
     fold = np.maximum(arrivals.arrival_s - arrivals.period * interval_s, 0.0)
     table: dict[str, Iterable] = {
         "period": arrivals.period,
@@ -123,6 +127,9 @@ def csv_text(
         "attenuation_db": (f"{value:g}" for value in arrivals.attenuation_db),
         "snr_db": _told(arrivals.snr_db, 2),
         "sigma_s": _told(arrivals.sigma_s, 8),
+        "direct": found.direct.astype(int),
+        "train": ("" if number == 0 else number for number in found.train),
+        "emission": ("" if number < 0 else number for number in found.emission),
     }
     if ship is not None:
         table |= {
@@ -222,7 +229,12 @@ def _placed(args, settings, recording, arrivals, navigation, ship, began_s, simu
 
 
 def document(
-    args, settings: ReceiverSettings, recording: Recording, arrivals: Arrivals, notes: list[str]
+    args,
+    settings: ReceiverSettings,
+    recording: Recording,
+    arrivals: Arrivals,
+    found: SortedArrivals,
+    notes: list[str],
 ) -> dict:
     """A hearing as a document for JSON."""
     periods = int(np.ceil(recording.seconds / settings.interval_s - 1e-9))
@@ -237,7 +249,8 @@ def document(
         "periods_heard": len(np.unique(arrivals.period)),
         "arrivals": len(arrivals),
         "strongest": int(np.sum(arrivals.rank == 1)),
-        "trains": _trains(arrivals, settings.interval_s),
+        "direct": int(found.direct.sum()),
+        "trains": _trains(found),
         "attenuations_db": {
             f"{db:g}": count for db, count in sorted(Counter(arrivals.attenuation_db).items())
         },
@@ -247,12 +260,8 @@ def document(
     }
 
 
-def _trains(arrivals: Arrivals, interval_s: float) -> list[dict]:
+def _trains(found: SortedArrivals) -> list[dict]:
     """Each pinger's interval and drift, the longest train first, and which trains are late echoes of another."""
-    shortest_s = min(SHORTEST_S, interval_s / 2)
-    jitter_s = min(1e-3, shortest_s / 20)
-    times = arrivals.arrival_s[ping_rows(arrivals)]
-    trains = separate(times, (shortest_s, max(LONGEST_S, 2 * interval_s)), jitter_s)
     return [
         {
             "interval_s": train.interval_s,
@@ -261,10 +270,11 @@ def _trains(arrivals: Arrivals, interval_s: float) -> list[dict]:
             "sigma_drift_ppm": train.sigma_drift_ppm,
             "pings": len(train.rows),
             "missed": train.missed,
+            "extra": train.extra,
             "echo_of": None if echo is None else echo.of + 1,
             "lag_ms": None if echo is None else 1e3 * echo.lag_s,
         }
-        for train, echo in zip(trains, late_echoes(trains, times, jitter_s), strict=True)
+        for train, echo in zip(found.trains, found.echoes, strict=True)
     ]
 
 
@@ -273,7 +283,8 @@ def report(answer: dict) -> str:
     lines = ["SIMULATED DATA"] if answer["simulated"] else []
     lines += [
         answer["notes"][0],
-        f"{answer['arrivals']} arrivals in {answer['periods_heard']} of {answer['periods']} periods",
+        f"{answer['arrivals']} arrivals in {answer['periods_heard']} of {answer['periods']} periods, "
+        f"{answer['direct']} of them direct",
         *(_train_words(number, train) for number, train in enumerate(answer["trains"], 1)),
         f"written to {answer['out']}",
     ]
@@ -287,7 +298,11 @@ def report(answer: dict) -> str:
 
 def _train_words(number: int, train: dict) -> str:
     interval = value_with_sigma(1e3 * train["interval_s"], 1e3 * train["sigma_interval_s"], "ms")
-    words = f"train {number}: {train['pings']} pings, {train['missed']} missed, every {interval} as heard"
+    drift = value_with_sigma(train["drift_ppm"], train["sigma_drift_ppm"], "ppm")
+    words = (
+        f"train {number}: {train['pings']} pings, {train['missed']} missed, {train['extra']} extra, "
+        f"every {interval} as heard, drift {drift}"
+    )
     if train["echo_of"] is None:
         return words
     return f"{words}; echo of train {train['echo_of']}, {train['lag_ms']:.0f} ms behind"

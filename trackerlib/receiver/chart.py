@@ -119,28 +119,6 @@ def level_lines(
     return np.stack(lines) if lines else np.zeros((0, settings.columns), np.uint8)
 
 
-class LevelPaper:
-    """Lines of paper from a recorder's levels as they come, the same whatever the blocks."""
-
-    def __init__(self, settings: ChartSettings, sample_interval_s: float = 1e-3):
-        self.settings, self.sample_interval_s = settings, sample_interval_s
-        self.lines = 0  # given so far
-        self._levels, self._start = np.empty(0, np.uint8), 0
-
-    def feed(self, levels: np.ndarray) -> np.ndarray:
-        """The lines (N, columns) that these levels (M,) complete."""
-        self._levels = np.concatenate([self._levels, levels])
-        line_end_s = left_edge(self.settings, self.lines + 1)
-        if (self._start + len(self._levels)) * self.sample_interval_s < line_end_s:
-            return np.zeros((0, self.settings.columns), np.uint8)
-        lines = level_lines(self._levels, self.settings, self.sample_interval_s, self.lines, self._start)
-        self.lines += len(lines)
-        left = int(left_edge(self.settings, self.lines) / self.sample_interval_s) - 1
-        gone = min(max(left - self._start, 0), len(self._levels))
-        self._levels, self._start = self._levels[gone:], self._start + gone
-        return lines
-
-
 def left_edge(settings: ChartSettings, line: int) -> float:
     """Time of a line's left edge [s] since the stream's first sample; line 0 holds that sample."""
     early = -np.mod(-settings.offset_s, settings.interval_s)  # the last offset at or before the first sample

@@ -48,7 +48,8 @@ def detection_curve(
         alarms += np.sum(quiet[:, None] > least, axis=0)
         cells += len(quiet)
         begin_s = matched.pulse_s * (NOISE_CELLS / 2 + rng.uniform(0, 1))
-        pulse = _unit_pulse(matched, begin_s, rng.uniform(0, 2 * np.pi), len(noise))
+        phase = rng.uniform(0, 2 * np.pi)
+        pulse = unit_pulse(matched.rate_hz, matched.carrier_hz, matched.pulse_s, begin_s, phase, len(noise))
         near = int(
             begin_s * matched.cells_per_s
         )  # the pulse begins in this cell, and so does the best window
@@ -76,12 +77,14 @@ def _power_over_noise(matched: MatchedFilter, samples: np.ndarray, kept: int) ->
     return power / kernels.censored_mean(power[:: matched.cells], kept)
 
 
-def _unit_pulse(matched: MatchedFilter, begin_s: float, phase: float, length: int) -> np.ndarray:
-    """A pulse whose energy is that of the density of noise of variance 1 a sample."""
+def unit_pulse(
+    rate_hz: float, carrier_hz: float, pulse_s: float, begin_s: float, phase: float, length: int
+) -> np.ndarray:
+    """Samples (length,) of a pulse whose energy is that of the density of noise of variance 1 a sample."""
     n = np.arange(length)
-    gate = (n >= begin_s * matched.rate_hz) & (n < (begin_s + matched.pulse_s) * matched.rate_hz)
-    amplitude = 2 / np.sqrt(matched.pulse_s * matched.rate_hz)
-    return gate * amplitude * np.cos(2 * np.pi * matched.carrier_hz / matched.rate_hz * n + phase)
+    gate = (n >= begin_s * rate_hz) & (n < (begin_s + pulse_s) * rate_hz)
+    amplitude = 2 / np.sqrt(pulse_s * rate_hz)
+    return gate * amplitude * np.cos(2 * np.pi * carrier_hz / rate_hz * n + phase)
 
 
 def _miss(matched: MatchedFilter, snr_db: float, least: np.ndarray, kept: int) -> np.ndarray:

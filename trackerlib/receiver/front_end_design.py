@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackerlib.acoustics.ambient_noise import HYDROPHONE_DB
 from trackerlib.receiver.front_end import LEAST_V, SATURATION_V
 
 BOLTZMANN = 1.380649e-23  # J/K
@@ -20,6 +21,10 @@ AVERAGE_METER = 2 / math.sqrt(
     math.pi
 )  # 1.13: an average-responding meter reads Gaussian noise this much too low
 PEAK_TO_SIGMA = 6.0  # of an oscilloscope's picture of noise, from its lower edge to its upper one
+HYDROPHONE_F = 2.4e-9  # Benthos AQ-4, within 25 %
+RHO_C = 1.5e6  # kg/m2s, of sea water
+# Shunts of Table 5-2 by step, each named by the decibels it takes off alone: R15, R16, R17, R18.
+SWITCHED_DB = {3: (3,), 9: (9,), 12: (3, 9), 18: (18,), 24: (24,), 30: (3, 9, 18, 24)}
 EQUAL_STAGES = math.sqrt(math.sqrt(2) - 1)  # 0.644: bandwidth of two equal tuned stages over that of one
 
 
@@ -33,7 +38,7 @@ def parallel(*impedances):
     return 1 / sum(1 / impedance for impedance in impedances)
 
 
-def source_impedance(frequency_hz, cable_ohm=3.331, cable_f=7e-9, hydrophone_f=2.4e-9):
+def source_impedance(frequency_hz, cable_ohm=3.331, cable_f=7e-9, hydrophone_f=HYDROPHONE_F):
     """What the preamplifier looks into [complex ohm]: the hydrophone through its cable, (5-13)."""
     w = 2j * np.pi * np.asarray(frequency_hz, float)
     return (1 + w * cable_ohm * hydrophone_f) / (
@@ -41,9 +46,51 @@ def source_impedance(frequency_hz, cable_ohm=3.331, cable_f=7e-9, hydrophone_f=2
     )
 
 
-def cable_loss_db(cable_f=7e-9, hydrophone_f=2.4e-9) -> float:
+def cable_loss_db(cable_f=7e-9, hydrophone_f=HYDROPHONE_F) -> float:
     """By how much the cable lowers signal and sea noise alike; the report leaves these 12 dB out."""
     return float(decibels(hydrophone_f / (hydrophone_f + cable_f)))
+
+
+def loading_loss_db(source, input_ohm: float) -> float:
+    """What a source loses in an input of that resistance [dB].
+
+    The rule of 20 times the source loses 0.42 dB if the source is a resistance, which is the report's "below 0.5"; the
+    hydrophone is a capacitance, and loses 0.011.
+    """
+    return float(-decibels(input_ohm / (input_ohm + source)))
+
+
+def source_noise_v(source: complex, input_ohm: float, kelvin: float = ROOM_K) -> float:
+    """Thermal noise [V per root hertz] of a source with the input resistor R01 across it.
+
+    Only what is resistive makes noise: 0.6 nV, where 1700 ohm of resistance would make 5.2.
+    """
+    return thermal_noise_v(parallel(source, input_ohm).real, kelvin=kelvin)
+
+
+def signal_v(source_w: float, range_m: float, hydrophone_db: float = HYDROPHONE_DB) -> float:
+    """Open-circuit signal [V rms] of a source that sends that power in all directions, absorption left out.
+
+    The report has about 10 mV for 30 W at 100 m; it is 1.7.
+    """
+    pascal = math.sqrt(source_w * RHO_C / (4 * math.pi * range_m**2))
+    return pascal * 1e6 * 10 ** (hydrophone_db / 20)
+
+
+def required_gain_db(noise_v: float = 89e-9, bandwidth_hz: float = 1.0, least_v: float = LEAST_V) -> float:
+    """Gain that lifts noise [V per root hertz] in a band to the compressor's least voltage, (5-11).
+
+    The report divides volts by volts per root hertz, as if the band were 1 Hz, and has 87 dB; in 100 Hz it is 67.
+    """
+    return float(decibels(least_v / (noise_v * math.sqrt(bandwidth_hz))))
+
+
+def least_gain_db(largest_v: float = 10e-3, saturation_v: float = SATURATION_V) -> float:
+    """Gain at which the largest signal saturates the compressor, (5-12): 58 dB.
+
+    It rests on the 10 mV that are 1.7 (`signal_v`), for which it is 73.5 dB.
+    """
+    return float(decibels(saturation_v / largest_v))
 
 
 def highpass_hz(ohm: float, farad: float) -> float:
@@ -126,6 +173,11 @@ def attenuation_db(series_ohm: float, shunts_ohm: Sequence[float]) -> float:
 def shunt_for(series_ohm: float, attenuation: float) -> float:
     """The shunt that takes off that many dB by itself."""
     return series_ohm / (10 ** (attenuation / 20) - 1)
+
+
+def switched_shunts(series_ohm: float, step_db: int) -> tuple[float, ...]:
+    """The shunts R15 to R18 that Table 5-2 switches in for a step; each takes off its own 3, 9, 18 or 24 dB alone."""
+    return tuple(shunt_for(series_ohm, alone) for alone in SWITCHED_DB[step_db])
 
 
 def stage_bandwidth_hz(ohm: float, farad: float) -> float:

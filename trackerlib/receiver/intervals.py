@@ -15,8 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from trackerlib.receiver.chains import best_chain
+from trackerlib.receiver.multiples import Numbered, at_own_interval
 
-LEAST_SHARE = 0.5  # of its pings that a train must show to be found
+LEAST_SHARE = 0.4  # of its pings that a train must show to be found
 LEAST_SURPRISE = 40.0  # minus log probability that chance makes a chain: takes about a dozen pings
 BEND = 2e-4  # greatest change of the interval looked for, relative, a second: a turn, or a pass at 85 m
 PATIENCE = 60  # pings missed in a row after which a train has ended
@@ -194,21 +195,26 @@ def separate(
     """The trains among arrivals (N,) [s, any order], the longest first; none if chance could have made them all.
 
     interval_s : shortest and longest interval looked for; jitter_s : standard error of an arrival
-    The answer is that of an IntervalTracker that heard the arrivals one by one.
+    The answer is that of an IntervalTracker that heard the arrivals one by one, but for trains found at a multiple of
+    their pinger's interval (`at_own_interval`): those need all arrivals.
     """
     arrival_s = np.asarray(arrival_s, float)
     order = np.argsort(arrival_s, kind="stable")
     order = order[np.isfinite(arrival_s[order])]
     tracker = IntervalTracker(interval_s, jitter_s)
     known = [*tracker.feed(arrival_s[order]), *tracker.finish()]
-    loose = np.ones(len(order), bool)
-    loose[[each.row for each in known]] = False
-    trains = []
+    found = []
     for number in sorted({each.train for each in known}):
         mine = sorted((each.emission, each.row) for each in known if each.train == number)
-        emission, place = np.array(mine).T
-        extra = int(loose[place[0] : place[-1]].sum())
-        trains.append(_train(arrival_s[order[place]], emission, order[place], extra))
+        found.append(Numbered(*np.array(mine).T))
+    found = at_own_interval(found, arrival_s[order], interval_s[0], jitter_s)
+    loose = np.ones(len(order), bool)
+    for each in found:
+        loose[each.rows] = False
+    trains = []
+    for each in found:
+        extra = int(loose[each.rows[0] : each.rows[-1]].sum())
+        trains.append(_train(arrival_s[order[each.rows]], each.emission, order[each.rows], extra))
     return tuple(sorted(trains, key=lambda train: -len(train.rows)))
 
 

@@ -8,6 +8,7 @@ Everything made here is simulated.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -31,6 +32,7 @@ LEG_M = 2500.0
 ABEAM_M = (500.0, 400.0)  # horizontal distance of the beacon at closest approach, of each leg
 BEACON_M = (0.0, 0.0, -800.0)
 HYDROPHONE_M = 30.0  # below the surface: deep enough for the surface's echo to stand apart
+OTHER_M = (900.0, -300.0, -790.0)  # of a second pinger, which interferes
 BEFORE = 3  # emissions before a leg begins that may be heard on it
 
 
@@ -65,11 +67,13 @@ def simulate_hunt_sound(
     gps_rms_m: float = 3.0,
     missing: float = 0.05,
     pinger: Pinger | None = None,
+    others: Sequence[Pinger] = (),
 ) -> HuntSound:
     """A hunt of two legs at right speed, the second a turn from the end of the first.
 
     sea_state : of acoustics.ambient_noise.SCALE, or "limit"; ValueError outside of it
     missing : share of the pings that are not sent; pinger : what else it is like, its place aside
+    others : pingers that interfere, where they say they are; their pulses stand behind those of the pinger
     """
     rng = np.random.default_rng(seed)
     pinger = replace(
@@ -78,12 +82,10 @@ def simulate_hunt_sound(
     sea = Sea(sea_state=sea_state)
     starts, headings, leg_s = *_legs(), LEG_M / speed_mps
     parts = []
-    for k, (start, heading) in enumerate(zip(starts, headings, strict=True)):
-        velocity = speed_mps * heading
-        listener = Listener((*start, -HYDROPHONE_M), (*velocity, 0.0))
-        first = (pinger.first_emission_s - k * leg_s) % pinger.interval_s - BEFORE * pinger.interval_s
-        heard = pulses_heard(replace(pinger, first_emission_s=first), listener, sea, leg_s, rng)
-        parts.append(_later(heard, k * leg_s))
+    for each in (pinger, *others):
+        for k, (start, heading) in enumerate(zip(starts, headings, strict=True)):
+            listener = Listener((*start, -HYDROPHONE_M), (*(speed_mps * heading), 0.0))
+            parts.append(_leg_heard(each, listener, sea, k * leg_s, leg_s, rng))
     frame = LocalFrame(*ORIGIN_DEG)
     return HuntSound(
         joined_pulses(*parts),
@@ -102,8 +104,22 @@ def simulate_hunt_sound(
         sea.sound_speed_mps,
         gps_rms_m,
         HYDROPHONE_M,
-        f"simulated hunt {seed}, sea state {sea_state if isinstance(sea_state, str) else format(sea_state, 'g')}",
+        f"simulated hunt {seed}, sea state {sea_state if isinstance(sea_state, str) else format(sea_state, 'g')}"
+        + "".join(f", and a pinger every {other.interval_s:g} s" for other in others),
     )
+
+
+def second_pinger(interval_s: float = 2.5) -> Pinger:
+    """One that interferes: the same carrier and pulse as the usual pinger's, another place and interval."""
+    return Pinger(position_m=OTHER_M, interval_s=interval_s, first_emission_s=0.37 * interval_s)
+
+
+def _leg_heard(
+    pinger: Pinger, listener: Listener, sea: Sea, begins_s: float, leg_s: float, rng: np.random.Generator
+) -> Pulses:
+    """What is heard of a pinger on a leg that begins at a time of the hunt, by the hunt's clock."""
+    first = (pinger.first_emission_s - begins_s) % pinger.interval_s - BEFORE * pinger.interval_s
+    return _later(pulses_heard(replace(pinger, first_emission_s=first), listener, sea, leg_s, rng), begins_s)
 
 
 def _legs() -> tuple[np.ndarray, np.ndarray]:
