@@ -19,6 +19,7 @@ from dashboards.open_dialog import OpenDialog, RunChoice
 from dashboards.session import Session
 from dashboards.tabs.tab import Tab
 from trackerlib import __version__
+from trackerlib.compiled import warm_in_background
 from trackerlib.textfiles import InputError
 
 log = logging.getLogger("workbench")
@@ -134,6 +135,7 @@ def _collect_between_pages() -> None:
 def serve_page(tabs=TABS) -> None:
     """Builds the page and makes it what is served, or serves the reason why it cannot be built, in words."""
     guard.install()
+    warm_in_background()  # started before the first page, so that its first fit finds its kernels
     try:
         extension()
         _collect_between_pages()

@@ -17,6 +17,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -108,8 +109,9 @@ def warm() -> None:
         function()
 
 
+@cache
 def warm_in_background() -> threading.Thread:
-    """Starts `warm` in a thread of its own and returns that thread."""
+    """Starts `warm` in a thread of its own, once a process, and returns that thread; it keeps nothing from ending."""
     thread = threading.Thread(target=warm, name="warm-kernels", daemon=True)
     thread.start()
     return thread
