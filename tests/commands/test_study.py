@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
-from xml.etree import ElementTree
+import signal
+from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from trackerlib.commands import main
-from trackerlib.simulation.study import study_points
+from trackerlib.commands.study import one_row
+from trackerlib.simulation.figures import panels
+from trackerlib.simulation.study import StudyPoint, run_study_point, study_points
 
 SMALL = ["--scenarios", "2", "--sweeps", "experiments", "--gps-rms-m", "3", "--trials", "20", "--seed", "1"]
 
@@ -62,12 +66,62 @@ def test_other_trials_are_not_mixed_into_a_table(tmp_path, capsys):
     assert "study.csv, line 2" in capsys.readouterr().err
 
 
-def test_a_page_has_the_thesis_figures_of_a_sweep(tmp_path, capsys):
-    answer = study(capsys, *SMALL, "--out", tmp_path)
-    page, _ = answer["figures"]
-    text = ElementTree.tostring(ElementTree.parse(page).getroot(), encoding="unicode")
-    assert all(f"4-{number}  " in text for number in range(19, 27))
-    assert "SIMULATED" in text
+def test_a_page_has_the_thesis_figures_of_a_sweep_with_the_bound_in_each(tmp_path, capsys):
+    for scenario, numbers in (("2", range(19, 27)), ("5", range(83, 99))):
+        answer = study(capsys, *SMALL, "--scenarios", scenario, "--methods", "thesis", "--out", tmp_path)
+        text = Path(answer["figures"][0]).read_text()
+        assert all(f"4-{number}  " in text for number in numbers)
+        assert f"4-{numbers[-1] + 1}  " not in text
+        assert "SIMULATED" in text
+    for moving in (False, True):
+        assert all(any(label == "bound" for _, label in columns) for _, columns, _ in panels(moving))
+    table = pd.read_csv(tmp_path / "study.csv")
+    last = run_study_point(StudyPoint(5, "experiments", 50, 60, 3.0, "thesis"), 20, 1)
+    wanted = np.sqrt(np.diag(carried(last) @ last.bound_covariance @ carried(last).T))
+    assert table[[f"crlb_now.{axis}" for axis in "xyz"]].iloc[-1].to_numpy() == pytest.approx(wanted)
+    assert table.crlb_3d_m.iloc[-1] == pytest.approx(np.linalg.norm(last.bound[:3]))
+
+
+def carried(trials):
+    """What makes the present position of start and velocity (3-19)."""
+    return np.hstack([np.eye(3), trials.receptions.received_s[-1] * np.eye(3)])
+
+
+def test_two_speeds_of_the_ship_stay_apart_in_table_pages_and_resuming(tmp_path, capsys):
+    call = [*SMALL, "--methods", "thesis", "--out", tmp_path]
+    fast = study(capsys, *call)
+    both = study(capsys, *call, "--speed-mps", "5,1", "--resume")
+    assert (fast["points"], both["points"], both["resumed"]) == (46, 92, 46)
+    table = pd.read_csv(tmp_path / "study.csv")
+    error = table.groupby("speed_mps")["rmse_3d_m"].median()
+    assert error[1.0] > 1.5 * error[5.0]
+    pages = [Path(page) for page in both["figures"][:2]]
+    assert {page.name for page in pages} == {
+        "scenario2_experiments_1mps.svg",
+        "scenario2_experiments_5mps.svg",
+    }
+    assert all(f"ship at {page.stem[-4]} m/s" in page.read_text() for page in pages)
+
+
+def test_an_interrupt_keeps_the_whole_rows_and_says_how_to_go_on(tmp_path, capsys, monkeypatch):
+    calls = []
+
+    def interrupted(*point):
+        calls.append(point)
+        if len(calls) == 10:
+            signal.raise_signal(signal.SIGINT)
+        return one_row(*point)
+
+    monkeypatch.setattr("trackerlib.commands.study.one_row", interrupted)
+    call = ["study", *SMALL, "--methods", "thesis", "--out", str(tmp_path)]
+    assert main(call) == 130
+    assert "--resume" in capsys.readouterr().err
+    kept = pd.read_csv(tmp_path / "study.csv")
+    assert 3 <= len(kept) < 46
+    assert kept.seconds.notna().all()
+    monkeypatch.undo()
+    answer = study(capsys, *call[1:], "--resume")
+    assert (answer["resumed"], answer["points"]) == (len(kept), 46)
 
 
 def test_a_dask_cluster_gives_the_same_table(tmp_path, capsys):
@@ -93,6 +147,7 @@ def test_a_dask_cluster_gives_the_same_table(tmp_path, capsys):
     [
         (["--scenarios", "9"], "9"),
         (["--trials", "0"], "trials"),
+        (["--speed-mps", "5,0"], "speed"),
         (["--scheduler", "tcp://127.0.0.1:9"], "Dask"),
     ],
 )

@@ -48,8 +48,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"{args.command}: {error.filename or 'output'}: {error.strerror}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print(f"{args.command}: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as stopped:
+        print(f"{args.command}: interrupted{f'; {stopped}' if stopped.args else ''}", file=sys.stderr)
         return 130
     return 0
 

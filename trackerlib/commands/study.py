@@ -36,11 +36,14 @@ from trackerlib.textfiles import InputError
 
 SUMMARY = "simulate the thesis's study of accuracy: six beacons, two sweeps, two qualities of GPS"
 POINT = tuple(field.name for field in fields(StudyPoint))
+KEY = (*POINT, "speed_mps")  # what names a row
+Page = tuple[int, str, float]  # scenario, sweep, ship's speed
 NAMED = ("rmse", "bias", "mean_sigma", "crlb")
 COLUMNS = (
     *POINT, "simulated", "seed", "speed_mps", "trials", "converged", "coverage95", "rmse_2d_m", "rmse_3d_m",
+    "crlb_2d_m", "crlb_3d_m",
     *(f"{key}.{axis}" for key in NAMED for axis in COMPONENTS),
-    *(f"{key}.{axis}" for key in ("rmse_now", "mean_sigma_now") for axis in COMPONENTS[:3]),
+    *(f"{key}.{axis}" for key in ("rmse_now", "mean_sigma_now", "crlb_now") for axis in COMPONENTS[:3]),
     "seconds",
 )  # fmt: skip
 
@@ -54,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--methods", type=_list(str), default=METHODS, metavar=",".join(STUDY_METHODS))
     add("--trials", type=int, required=True, metavar="M", help="at each point")
     add("--seed", type=int, required=True, metavar="S")
-    add("--speed-mps", type=float, default=5.0, metavar="C", help="of the ship (default 5)")
+    add("--speed-mps", type=_list(float), default=(5.0,), metavar="5,1", help="of the ship (default 5)")
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=int, metavar="W", help="threads (default: all cores)")
     where.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it")
@@ -71,21 +74,29 @@ def run(args: argparse.Namespace) -> dict:
         raise InputError(f"study: {error}") from None
     if args.trials < 1:
         raise InputError(f"--trials is {args.trials}; wanted at least 1")
+    if not all(0 < speed < 100 for speed in args.speed_mps) or len(set(args.speed_mps)) < len(args.speed_mps):
+        raise InputError(f"--speed-mps is {args.speed_mps}; wanted speeds above 0 and below 100, each once")
     begin = time.perf_counter()
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / "study.csv"
     kept = _kept(path, args) if args.resume else []
+    wanted = [(point, speed) for speed in args.speed_mps for point in points]
     done = {_key(row) for row in kept}
-    left = [point for point in points if _key(asdict(point)) not in done]
+    left = [one for one in wanted if _name(*one) not in done]
     _begin_table(path, kept)
-    pages = _Pages(points, kept, args.out)
+    pages = _Pages([_name(*one) for one in wanted], kept, args.out)
     with path.open("a", newline="", encoding="utf-8") as table:
         writer = csv.DictWriter(table, COLUMNS)
-        for number, row in enumerate(_rows(left, args), 1):
-            writer.writerow(row)
-            table.flush()
-            pages.add(row)
-            _show_progress(number, len(left))
+        try:
+            for number, row in enumerate(_rows(left, args), 1):
+                writer.writerow(row)
+                table.flush()
+                pages.add(row)
+                _show_progress(number, len(left))
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                f"the points done are kept in {path}; --resume goes on from them"
+            ) from None
     rows = pd.read_csv(path)
     simulated = time.perf_counter() - begin
     written, contours = write_report(rows, args.out, args.seed)
@@ -104,42 +115,52 @@ def run(args: argparse.Namespace) -> dict:
 
 
 def _key(row: dict) -> tuple[str, ...]:
-    """What names a point, as text."""
-    return tuple(str(row[name]) for name in POINT)
+    """What names a row, as text."""
+    return tuple(str(row[name]) for name in KEY)
+
+
+def _name(point: StudyPoint, speed_mps: float) -> tuple[str, ...]:
+    """The same of a row that is wanted."""
+    return _key(asdict(point) | {"speed_mps": speed_mps})
 
 
 class _Pages:
     """Draws each page as soon as its last point is there, while the kernels work on the next."""
 
-    def __init__(self, points: list[StudyPoint], kept: list[dict], folder: Path):
-        every = {_key(row) for row in kept} | {_key(asdict(point)) for point in points}
-        self._wanted = Counter((int(key[0]), key[1]) for key in sorted(every))
-        self._rows: dict[tuple[int, str], list[dict]] = {key: [] for key in self._wanted}
+    def __init__(self, wanted: list[tuple[str, ...]], kept: list[dict], folder: Path):
+        every = {_key(row) for row in kept} | set(wanted)
+        self._wanted = Counter(_page(dict(zip(KEY, key, strict=True))) for key in sorted(every))
+        self._rows: dict[Page, list[dict]] = {page: [] for page in self._wanted}
         self._folder = folder
         self._pool = ThreadPoolExecutor(1)
-        self._drawn: dict[tuple[int, str], Future[Path]] = {}
+        self._drawn: dict[Page, Future[Path]] = {}
         for row in kept:
             self.add(row)
 
     def add(self, row: dict) -> None:
         """Takes one more row of the table."""
-        key = (int(row["scenario"]), row["sweep"])
-        self._rows[key].append(row)
-        if len(self._rows[key]) == self._wanted[key]:
-            self._drawn[key] = self._pool.submit(self._draw, key)
+        page = _page(row)
+        self._rows[page].append(row)
+        if len(self._rows[page]) == self._wanted[page]:
+            self._drawn[page] = self._pool.submit(self._draw, page)
 
-    def _draw(self, key: tuple[int, str]) -> Path:
+    def _draw(self, page: Page) -> Path:
         text = io.StringIO()
         writer = csv.DictWriter(text, COLUMNS)  # through text, as a table that is resumed holds text
         writer.writeheader()
-        writer.writerows(self._rows[key])
+        writer.writerows(self._rows[page])
         text.seek(0)
         return draw_page(pd.read_csv(text), self._folder)
 
     def drawn(self) -> list[Path]:
         """The files written, in the order of the study."""
         with self._pool:
-            return [self._drawn[key].result() for key in self._wanted]
+            return [self._drawn[page].result() for page in self._wanted]
+
+
+def _page(row: dict) -> Page:
+    """The page that a row is drawn on."""
+    return int(row["scenario"]), row["sweep"], float(row["speed_mps"])
 
 
 def one_row(
@@ -171,10 +192,11 @@ def report(document: dict) -> str:
     )
 
 
-def _rows(points: list[StudyPoint], args: argparse.Namespace) -> Iterator[dict]:
-    how = (args.trials, args.seed, args.speed_mps)
+def _rows(left: list[tuple[StudyPoint, float]], args: argparse.Namespace) -> Iterator[dict]:
     if args.scheduler is None:
-        yield from rows_by_threads(points, *how)
+        for speed in args.speed_mps:
+            points = [point for point, of in left if of == speed]
+            yield from rows_by_threads(points, args.trials, args.seed, speed)
         return
     from distributed import Client, as_completed  # a second to import, for those who have a cluster
 
@@ -183,7 +205,9 @@ def _rows(points: list[StudyPoint], args: argparse.Namespace) -> Iterator[dict]:
     except (OSError, ValueError) as error:
         raise InputError(f"--scheduler {args.scheduler}: no Dask scheduler answers there ({error})") from None
     with client:
-        futures = [client.submit(one_row, point, *how, pure=False) for point in points]
+        futures = [
+            client.submit(one_row, point, args.trials, args.seed, speed, pure=False) for point, speed in left
+        ]
         for _, row in as_completed(futures, with_results=True):
             yield row
 
@@ -199,13 +223,11 @@ def _kept(path: Path, args: argparse.Namespace) -> list[dict]:
                 f"{path}, line 1: found other columns than a study's; wanted {', '.join(POINT)}, ..."
             )
         rows = [row for row in reader if None not in row.values() and row["seconds"]]
-    wanted = (args.trials, args.seed, args.speed_mps)
+    wanted = (args.trials, args.seed)
     for line, row in enumerate(rows, 2):
-        found = int(row["trials"]), int(row["seed"]), float(row["speed_mps"])
+        found = int(row["trials"]), int(row["seed"])
         if found != wanted:
-            raise InputError(
-                f"{path}, line {line}: found trials, seed and speed {found}; wanted {wanted} to resume"
-            )
+            raise InputError(f"{path}, line {line}: found trials and seed {found}; wanted {wanted} to resume")
     return rows
 
 

@@ -25,27 +25,27 @@ def panels(moving: bool) -> list[Panel]:
     """What each figure of a sweep shows, in the thesis's order: 8 still, 16 moving."""
     listed: list[Panel] = []
 
-    def pair(name: str, error: str, sigma: str, bound: str | None) -> None:
-        lower = ((bound, "bound"),) if bound else ()
-        listed.append((f"{name}: error [m]", ((error, ""), *lower), None))
-        listed.append((f"std of {name} [m]", ((sigma, ""), *lower), None))
+    def pair(name: str, error: str, sigma: str, bound: str) -> None:
+        listed.append((f"{name}: error [m]", ((error, ""), (bound, "bound")), None))
+        listed.append((f"std of {name} [m]", ((sigma, ""), (bound, "bound")), None))
 
     for axis in "xyz":
         name = f"{axis.upper()}{'o' if moving else 'T'}"
         pair(name, f"rmse.{axis}", f"mean_sigma.{axis}", f"crlb.{axis}")
     if moving:
         speeds = tuple((f"rmse.v{axis}", f"v{axis}") for axis in "xyz")
+        speeds += tuple((f"crlb.v{axis}", "bound") for axis in "xyz")
         listed += [(f"velocities, {gps:g} m GPS: error [m/s]", speeds, gps) for gps in MARKS]
-    listed.append(("position error, three axes [m]", (("rmse_3d_m", ""),), None))
-    listed.append(("position error, horizontal [m]", (("rmse_2d_m", ""),), None))
+    listed.append(("position error, three axes [m]", (("rmse_3d_m", ""), ("crlb_3d_m", "bound")), None))
+    listed.append(("position error, horizontal [m]", (("rmse_2d_m", ""), ("crlb_2d_m", "bound")), None))
     if moving:
         for axis in "xyz":
-            pair(f"present {axis.upper()}T", f"rmse_now.{axis}", f"mean_sigma_now.{axis}", None)
+            pair(f"present {axis.upper()}T", f"rmse_now.{axis}", f"mean_sigma_now.{axis}", f"crlb_now.{axis}")
     return listed
 
 
 def draw_page(rows: pd.DataFrame, folder: Path) -> Path:
-    """The file written: one page (SVG) of the rows of a study's table that belong to one scenario and sweep."""
+    """The file written: one page (SVG) of the rows of one scenario, sweep and ship's speed in a study's table."""
     from matplotlib import rc_context  # half a second that only a study should pay
     from matplotlib.figure import Figure
 
@@ -69,7 +69,7 @@ def draw_page(rows: pd.DataFrame, folder: Path) -> Path:
         fontsize=10,
         y=1 - 0.15 / height,
     )
-    path = folder / f"scenario{scenario}_{sweep}.svg"
+    path = folder / f"scenario{scenario}_{sweep}_{rows.speed_mps.iloc[0]:g}mps.svg"
     with rc_context({"svg.fonttype": "none"}):  # words stay words
         figure.savefig(path, metadata={"Date": None})
     return path
@@ -80,14 +80,16 @@ def _draw_panel(axes, panel: Panel, rows: pd.DataFrame, sweep: str) -> None:
     for (method, gps), curve in rows.groupby(["method", "gps_rms_m"]):
         if only is not None and gps != only:
             continue
-        curve = curve[curve.converged > curve.trials / 2].sort_values(sweep)
+        curve = curve.sort_values(sweep)
         for column, label in columns:
             bound = label == "bound"
             if bound and method != rows.method.iloc[0]:
                 continue
             axes.plot(
                 curve[sweep],
-                curve[column].where(np.isfinite(curve[column])),
+                curve[column].where(
+                    np.isfinite(curve[column]) & (bound | (curve.converged > curve.trials / 2))
+                ),
                 color="#777777" if bound else COLOURS[str(method)],
                 linestyle="-" if bound or not label else {"vx": "-", "vy": "--", "vz": ":"}[label],
                 marker=None if bound else MARKS.get(float(gps), "."),

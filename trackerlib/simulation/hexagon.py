@@ -86,13 +86,23 @@ class Trials:
     estimate: np.ndarray  # (M, 3 or 6)
     covariance: np.ndarray  # (M, 3 or 6, 3 or 6)
     converged: np.ndarray  # (M,)
-    bound: np.ndarray  # (3 or 6,) Cramer-Rao bound of each component
+    bound_covariance: np.ndarray  # (3 or 6, 3 or 6) Cramer-Rao bound
     refused_why: dict[str, int]  # how many trials were refused, by reason
 
     @property
     def errors(self) -> np.ndarray:
         """Errors of the trials that converged, (C, 3 or 6)."""
         return self.estimate[self.converged] - self.receptions.truth
+
+    @property
+    def bound(self) -> np.ndarray:
+        """Cramer-Rao bound of each component."""
+        return np.sqrt(np.diag(self.bound_covariance))
+
+    @property
+    def bound_now(self) -> np.ndarray:
+        """Cramer-Rao bound of the position at the last reception, (3,)."""
+        return self._sigma_now(self.bound_covariance[None])[0]
 
     @property
     def rmse(self) -> np.ndarray:
@@ -120,14 +130,17 @@ class Trials:
 
     @property
     def mean_sigma_now(self) -> np.ndarray:
-        """Mean stated sigma of the position at the last reception, (3,): o + t v (3-19), S11 + t^2 S44 + 2 t S14."""
-        covariance = self.covariance[self.converged]
+        """Mean stated sigma of the position at the last reception, (3,)."""
+        return _mean(self._sigma_now(self.covariance[self.converged]))
+
+    def _sigma_now(self, covariance: np.ndarray) -> np.ndarray:
+        """Sigmas (M, 3) of the position at the last reception: o + t v (3-19), S11 + t^2 S44 + 2 t S14."""
         variance = np.einsum("kii->ki", covariance[:, :3, :3])
         if self.receptions.scenario.moving:
             t = self.receptions.received_s[-1]
             variance = variance + t**2 * np.einsum("kii->ki", covariance[:, 3:, 3:])
             variance = variance + 2 * t * np.einsum("kii->ki", covariance[:, :3, 3:])
-        return _mean(np.sqrt(variance))
+        return np.sqrt(variance)
 
     @property
     def coverage(self) -> float:
@@ -173,10 +186,15 @@ def sail_hexagon(
 
 
 def position_bound(receptions: Receptions, gps_rms_m: float, range_rms_m: float) -> np.ndarray:
-    """Cramer-Rao bound of each component of `Receptions.truth`, ship positions and emission time unknown.
+    """Cramer-Rao bound of each component of `Receptions.truth`; see `bound_covariance`."""
+    return np.sqrt(np.diag(bound_covariance(receptions, gps_rms_m, range_rms_m)))
+
+
+def bound_covariance(receptions: Receptions, gps_rms_m: float, range_rms_m: float) -> np.ndarray:
+    """Cramer-Rao bound of the covariance (P, P) of `Receptions.truth`, ship positions and emission time unknown.
 
     A ship position that is seen once adds its error along the ray's horizontal part to that of the range.
-    Infinite where the geometry does not show a component.
+    Infinite where the geometry does not show all components.
     """
     offset = receptions.beacon - receptions.ship
     distance = receptions.range_m
@@ -191,8 +209,8 @@ def position_bound(receptions: Receptions, gps_rms_m: float, range_rms_m: float)
     scaled = information / np.outer(scale, scale)
     components = slope.shape[1] - 1
     if len(offset) <= components or np.linalg.cond(scaled) > 1e14:
-        return np.full(components, np.inf)
-    return np.sqrt(np.diag(np.linalg.inv(scaled)) / scale**2)[:components]
+        return np.full((components, components), np.inf)
+    return (np.linalg.inv(scaled) / np.outer(scale, scale))[:components, :components]
 
 
 def noisy_surveys(
@@ -233,7 +251,7 @@ def run_trials(receptions: Receptions, gps_rms_m: float, trials: int, seed: int)
         np.concatenate([part.estimate for part in parts])[:, keep],
         np.concatenate([part.covariance for part in parts])[:, keep][:, :, keep],
         np.concatenate([part.converged for part in parts]),
-        position_bound(receptions, gps_rms_m, range_rms),
+        bound_covariance(receptions, gps_rms_m, range_rms),
         refusals(np.concatenate([part.why for part in parts])),
     )
 
@@ -274,7 +292,7 @@ def run_pair_trials(receptions: Receptions, spacing: int, gps_rms_m: float, tria
         fixes.estimate,
         fixes.covariance,
         fixes.converged,
-        position_bound(receptions, gps_rms_m, range_rms),
+        bound_covariance(receptions, gps_rms_m, range_rms),
         {NOT_AT_REST: lost} if (lost := int(np.sum(~fixes.converged))) else {},
     )
 

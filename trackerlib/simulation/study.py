@@ -107,10 +107,13 @@ def summary(trials: Trials) -> dict:
         "mean_sigma": named(trials.mean_sigma),
         "crlb": named(trials.bound),
         "coverage95": trials.coverage,
-        "rmse_2d_m": float((rmse[:2] ** 2).sum() ** 0.5),
-        "rmse_3d_m": float((rmse[:3] ** 2).sum() ** 0.5),
+        "rmse_2d_m": float(np.linalg.norm(rmse[:2])),
+        "rmse_3d_m": float(np.linalg.norm(rmse[:3])),
+        "crlb_2d_m": float(np.linalg.norm(trials.bound[:2])),
+        "crlb_3d_m": float(np.linalg.norm(trials.bound[:3])),
         "rmse_now": named(trials.rmse_now),
         "mean_sigma_now": named(trials.mean_sigma_now),
+        "crlb_now": named(trials.bound_now),
     }
 
 

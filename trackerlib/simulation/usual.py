@@ -17,8 +17,8 @@ from trackerlib.simulation.hexagon import (
     Receptions,
     Scenario,
     Trials,
+    bound_covariance,
     noisy_surveys,
-    position_bound,
     run_trials,
     sail_hexagon,
 )
@@ -79,7 +79,7 @@ def run_usual_trials(receptions: Receptions, gps_rms_m: float, trials: int, seed
         for ship, ranges in noisy_surveys(receptions, gps_rms_m, trials, seed)
     ]  # fmt: skip
     estimate, covariance, converged = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    bound = position_bound(receptions, gps_rms_m, SOUND_SPEED_MPS * TIME_RMS_S)
+    bound = bound_covariance(receptions, gps_rms_m, SOUND_SPEED_MPS * TIME_RMS_S)
     return Trials(receptions, estimate, covariance, converged & np.isfinite(bound).all(), bound, {})
 
 
