@@ -27,24 +27,29 @@ def table():
 
 
 def test_the_report_holds_every_claim_and_table(table, tmp_path):
-    text, drawing = write_report(table, tmp_path, seed=1)
+    usual = table[table.method == "thesis"].assign(
+        method="usual"
+    )  # a third estimator hides no comparison of two
+    slow = table.assign(speed_mps=1.0)
+    text, drawing = write_report(pd.concat([table, usual, slow]), tmp_path, seed=1)
     words = text.read_text()
+    assert words.index("# Ship at 5 m/s") < words.index("# Ship at 1 m/s")
     assert "SIMULATED" in words
-    assert "More experiments help. holds" in words
-    assert "A leg over the beacon helps its depth. not told" in words
+    assert "More experiments help (6.1). holds" in words
+    assert "past 40 experiments (4.3.2). not told" in words
     assert "is not reproduced" in words
     assert (
         "The usual bias exceeds one bound, and so matters more than the noise, from 3 m on at 300 m depth"
         in words
     )
-    assert "times ours (median)" in words
+    assert words.count("times ours (median)") == 2
     assert "SIMULATED" in drawing.read_text()
 
 
 def test_a_claim_that_the_rows_contradict_does_not_hold(table, tmp_path):
     turned = table.assign(rmse_3d_m=np.where(table.experiments == 40, 1e4, table.rmse_3d_m))
     words = write_report(turned, tmp_path, seed=1)[0].read_text()
-    assert "More experiments help. does not hold" in words
+    assert "More experiments help (6.1). does not hold" in words
 
 
 def test_the_usual_fix_is_biased_and_ours_is_not():
