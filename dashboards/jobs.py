@@ -21,10 +21,14 @@ class Cancelled(Exception):
 
 
 class Progress:
-    """What a job calls to tell how far it is: `progress(0.4, "set 12 of 30")`. Raises Cancelled."""
+    """What a job calls to tell how far it is: `progress(0.4, "set 12 of 30")`. Raises Cancelled.
 
-    def __init__(self, tell: Callable[[float, str], None]):
+    `progress.meanwhile(show)` has `show()` called under the document's lock while the job goes on.
+    """
+
+    def __init__(self, tell: Callable[[float, str], None], meanwhile: Callable[[Callable[[], None]], None]):
         self._tell = tell
+        self.meanwhile = meanwhile
         self._cancelled = threading.Event()
 
     def cancel(self) -> None:
@@ -84,7 +88,9 @@ class Jobs:
             self._in_thread(self.document, purpose, work, done, long)
 
     def _in_line(self, purpose, work, done) -> None:
-        self._running[purpose] = Progress(lambda share, text: self._on_state(purpose, share, text))
+        self._running[purpose] = Progress(
+            lambda share, text: self._on_state(purpose, share, text), lambda show: show()
+        )
         try:
             result = work(self._running[purpose])
         except Cancelled:
@@ -99,13 +105,16 @@ class Jobs:
 
     def _in_thread(self, document, purpose, work, done, long) -> None:
         def tell(share: float, text: str) -> None:
-            document.add_next_tick_callback(partial(show, share, text))
+            meanwhile(partial(self._on_state, purpose, share, text))
 
-        def show(share: float, text: str) -> None:
+        def meanwhile(show: Callable[[], None]) -> None:
+            document.add_next_tick_callback(partial(show_if_at_work, show))
+
+        def show_if_at_work(show: Callable[[], None]) -> None:
             if self._running.get(purpose) is progress:  # it may be done by now
-                self._on_state(purpose, share, text)
+                show()
 
-        progress = self._running[purpose] = Progress(tell)
+        progress = self._running[purpose] = Progress(tell, meanwhile)
         future = self._futures[purpose] = (LONG_POOL if long else POOL).submit(work, progress)
 
         def finish() -> None:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import io
+import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
 import panel as pn
 import panel_material_ui as pmui
 
+from dashboards.jobs import Cancelled
 from dashboards.pictures.study_views import METHOD_NAMES, StudyViews
 from dashboards.tabs.tab import Results, Tab, alone, choice, number
 from trackerlib.commands.study import COLUMNS, one_row
@@ -21,6 +24,7 @@ from trackerlib.textfiles import InputError
 SWEEP_NAMES = dict(zip(("number of experiments", "spacing of receptions"), SWEEPS, strict=True))
 OWN = 0  # a beacon of the analyst's own, among the numbers of scenarios
 SHORT = {"all-pings": "all", "thesis": "thesis", "usual": "usual"}  # for a narrow column
+BETWEEN_DRAWINGS_S = 0.5  # while a study runs
 MOST = 1000  # experiments or spacing
 FIRST_TRIALS = 100  # of the study that the tab opens with
 
@@ -53,6 +57,7 @@ class MonteCarloTab(Tab):
         self.views = StudyViews()
         self.rows: list[dict] = []
         self.ran = Asked(SWEEPS[0], 2, SCENARIOS[2], 3.0)  # what the rows are of
+        self.state = ""  # how far the study is, unless it is whole
         self.scenario = choice("Beacon", {scenario_name(k): k for k in SCENARIOS} | {"one of my own": OWN}, 2)
         self.place = numbers(
             "Its east, north, up (m)", "0, 500, -1500", "From the hexagon's centre; up is negative"
@@ -189,16 +194,35 @@ class MonteCarloTab(Tab):
         asked = Asked(self.sweep.value, self.scenario.value, beacon, self.gps.value)
 
         def work(progress):
-            rows = []
-            for k, point in enumerate(points):
-                progress(k / len(points), f"point {k + 1} of {len(points)}")
-                rows.append(one_row(point, *how))
-            return rows
+            rows: list[dict] = []
+            shown = time.monotonic()
+            progress.meanwhile(lambda: self._begin(len(points)))
+            try:
+                for k, point in enumerate(points):
+                    progress(k / len(points), f"point {k + 1} of {len(points)}")
+                    rows.append(one_row(point, *how))
+                    if time.monotonic() - shown > BETWEEN_DRAWINGS_S:
+                        shown = time.monotonic()
+                        so_far = f"Simulating: {len(rows)} of {len(points)} points so far."
+                        progress.meanwhile(partial(self._show, list(rows), asked, so_far))
+            except Cancelled:
+                return rows, f"Cancelled: {len(rows)} of {len(points)} points were done and are kept."
+            return rows, ""
 
-        self.words.object = "Simulating…"
-        self.session.jobs.start("Monte Carlo", work, lambda rows: self._show(rows, asked), long=True)
+        self.session.jobs.start(
+            "Monte Carlo", work, lambda done: self._show(done[0], asked, done[1]), long=True
+        )
 
-    def _show(self, rows: list[dict], asked: Asked) -> None:
+    def _begin(self, points: int) -> None:
+        self.words.object = f"Simulating {points} points…"
+
+    def _show(self, rows: list[dict], asked: Asked, state: str = "") -> None:
+        """Draws a study, whole or as far as it is; one without a row leaves the rows of before."""
+        self.state = state
+        if not rows:
+            self.words.object = state
+            self._draw()
+            return
         self.rows, self.ran = rows, asked
         names = {"depth": "z", "east": "x", "north": "y"}
         if asked.beacon.moving:
@@ -212,7 +236,7 @@ class MonteCarloTab(Tab):
             return
         sweep, component = self.ran.sweep, self.component.value
         self.views.show(self.rows, sweep, component)
-        self.words.object = sentence(self.rows, self.ran, component)
+        self.words.object = f"{self.state} {sentence(self.rows, self.ran, component)}".strip()
         self.table.show(table(self.rows, sweep, component), 18, sortable=False)
 
     def export(self):

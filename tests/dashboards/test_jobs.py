@@ -102,7 +102,7 @@ def test_cancel_stops_at_the_next_progress_and_forgets_what_waits():
 
 
 def test_a_cancelled_progress_raises():
-    progress = Progress(lambda share, text: None)
+    progress = Progress(lambda share, text: None, lambda show: show())
     progress(0.1)
     progress.cancel()
     with pytest.raises(Cancelled):

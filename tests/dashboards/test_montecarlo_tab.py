@@ -79,6 +79,37 @@ def test_the_usual_least_squares_is_told_to_be_worse_at_25_m(tab):
     assert "the usual least squares" in tab.words.object
 
 
+def test_cancel_keeps_the_rows_that_are_done_and_says_so(tab, monkeypatch):
+    seen = []
+
+    def cancelled_in_the_fourth(*point):
+        seen.append((len(tab.rows), tab.words.object))  # what stands on the page as each point begins
+        if len(seen) == 4:
+            tab.session.jobs.cancel()
+        return one_row(*point)
+
+    monkeypatch.setattr("dashboards.tabs.montecarlo.BETWEEN_DRAWINGS_S", -1.0)
+    monkeypatch.setattr("dashboards.tabs.montecarlo.one_row", cancelled_in_the_fourth)
+    tab.activate()
+    assert [rows for rows, _ in seen] == [0, 1, 2, 3]
+    assert "Simulating" in seen[0][1]
+    assert "Simulating: 3 of 9 points so far." in seen[3][1]
+    assert len(tab.rows) == len(tab.table.frame) == 4
+    assert "Cancelled: 4 of 9 points were done and are kept." in tab.words.object
+    assert "Simulating" not in tab.words.object
+    assert len(tab.export()[1].splitlines()) == 2 + 4
+
+
+def test_a_study_cancelled_before_its_first_point_leaves_the_one_before(tab, monkeypatch):
+    tab.activate()
+    before = list(tab.rows)
+    monkeypatch.setattr(tab, "_begin", lambda points: tab.session.jobs.cancel())
+    tab.run()
+    assert tab.rows == before
+    assert "Cancelled: 0 of 9" in tab.words.object
+    assert "times the bound" in tab.words.object
+
+
 @pytest.mark.parametrize(
     ("control", "value"), [("trials", 0), ("gps", 0.0), ("speed", -1.0), ("methods", [])]
 )
