@@ -21,7 +21,7 @@ lint: $(READY)
 	$(BIN)/mypy
 
 benchmarks: $(READY) chromium
-	for bench in tests/benchmarks/bench_*.py; do echo "== $$bench"; $(BIN)/python $$bench || exit 1; done
+	for bench in tests/benchmarks/bench_*.py tests/benchmarks/study_*.py; do echo "== $$bench"; $(BIN)/python $$bench || exit 1; done
 
 chromium:
 	@sh tests/find_chromium.sh > /dev/null

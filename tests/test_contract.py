@@ -6,7 +6,7 @@ import sys
 import pytest
 
 
-@pytest.mark.parametrize("command", ["fix", "gate", "timing", "listen"])
+@pytest.mark.parametrize("command", ["fix", "montecarlo", "study", "gate", "timing", "listen", "emulate-receiver"])
 def test_the_contract_has_nothing_to_complain_of(command, root, shared):
     script = shared / "contract/check.py"
     ran = subprocess.run(
