@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import gpxpy
 import netCDF4
@@ -18,6 +19,7 @@ from trackerlib.beacon.settings import FixSettings
 from trackerlib.exports.export import LAYOUTS, export_fix
 from trackerlib.exports.record import FixRecord
 from trackerlib.frames import LocalFrame
+from trackerlib.positions import decimal_degrees
 from trackerlib.simulation.beacon_survey import Errors, sail, simulate_survey
 from trackerlib.surveyfiles.survey import read_survey
 from trackerlib.textfiles import InputError
@@ -44,6 +46,21 @@ def made_at(lat_deg, lon_deg):
 @pytest.fixture(scope="module", params=[(41.0, -66.0), (-33.0, 179.995)], ids=["Georges Bank", "date line"])
 def made(request):
     return made_at(*request.param)
+
+
+@pytest.fixture(scope="module")
+def drifting():
+    """A survey of a beacon that drifts north, and its fix."""
+    track = sail(np.array([[a, 1500.0] for a in (30.0, 150.0, 270.0, 30.0)]), np.zeros(2), 2.5, 10.0)
+    rng, frame, start = np.random.default_rng(6), LocalFrame(41.0, -66.0), np.array([700.0, 500.0, -1500.0])
+    still = simulate_survey(track, start, StraightPaths(1500.0), frame, rng, Errors(1.0, 0.0005))
+    place = start + still.elapsed_s[:, None] * [0.0, 0.2, 0.0]
+    ship = frame.to_local(still.lat_deg, still.lon_deg, still.up_m)
+    times = np.linalg.norm(ship - place, axis=1) / 1500.0 + rng.normal(0.3, 0.0005, len(still))
+    pings = replace(still, travel_time_s=times)
+    fix = fix_beacon(pings, FixSettings(gps_rms_m=1.0, motion="free"))
+    assert fix.converged, fix.reason
+    return pings, fix
 
 
 def exported(made, tmp_path, name, layout=None):
@@ -115,17 +132,84 @@ def test_the_table_is_read_back_as_the_same_survey(made, tmp_path):
     assert float(rows[7]["residual_ms"]) == pytest.approx(1e3 * fix.residual_s[7], abs=1e-6)
 
 
+def passes_the_cf_checker(path):
+    """Raises AssertionError with what the checker says."""
+    CheckSuite.load_all_available_checkers()
+    told = path.with_suffix(".txt")
+    passed, errors = ComplianceChecker.run_checker(
+        str(path), ["cf:1.11"], 0, "strict", output_filename=str(told)
+    )
+    assert passed, told.read_text()
+    assert not errors
+
+
 def test_the_netcdf_file_passes_the_cf_checker(made, tmp_path):
     path = exported(made, tmp_path, "fix.nc")
-    CheckSuite.load_all_available_checkers()
-    passed, errors = ComplianceChecker.run_checker(
-        str(path), ["cf:1.11"], 0, "strict", output_filename=str(tmp_path / "cf.txt")
-    )
-    assert passed, (tmp_path / "cf.txt").read_text()
-    assert not errors
+    passes_the_cf_checker(path)
     with netCDF4.Dataset(path) as dataset:
         assert dataset.featureType == "trajectory"
         assert dataset.beacon_depth_m == pytest.approx(made[1].depth_m)
+
+
+def holed(pings):
+    """A time lost here, a place there."""
+    utc, lat = pings.utc.copy(), pings.lat_deg.copy()
+    utc[3], lat[8] = np.datetime64("NaT"), np.nan
+    return replace(pings, utc=utc, lat_deg=lat)
+
+
+def by_clock(pings):
+    """A log whose clock names no date."""
+    return replace(pings, utc=np.full(len(pings), np.datetime64("NaT", "ms")), clock_s=7e4 + pings.elapsed_s)
+
+
+@pytest.mark.parametrize(("change", "left_out"), [(holed, [4, 9]), (by_clock, [])])
+def test_a_survey_with_holes_or_a_clock_alone_is_a_trajectory_too(made, tmp_path, change, left_out):
+    pings = change(made[0])
+    path = tmp_path / "odd.nc"
+    export_fix(fix_beacon(pings, SETTINGS), path, pings=pings)
+    passes_the_cf_checker(path)
+    kept = ~np.isin(pings.number, left_out)
+    with netCDF4.Dataset(path) as dataset:
+        assert dataset.featureType == "trajectory"
+        assert dataset["ping_number"][:].tolist() == pings.number[kept].tolist()
+        assert ("pings 4, 9" in dataset.comment) == bool(left_out)
+        time = dataset["time"][:]
+        wanted = pings.clock_s if change is by_clock else pings.utc[kept].astype("datetime64[us]").astype(int)
+        assert np.array_equal(time, wanted)
+
+
+def test_the_instants_of_a_clock_alone_are_read_back_from_the_table(made, tmp_path):
+    pings = by_clock(made[0])
+    path = tmp_path / "clock.csv"
+    export_fix(fix_beacon(pings, SETTINGS), path, pings=pings)
+    again = read_survey(path).pings
+    assert again.timed
+    assert again.clock_s == pytest.approx(pings.clock_s, abs=1e-6)
+
+
+@pytest.mark.parametrize("suffix", [".gpx", ".kml", ".geojson", ".nc", ".csv", ".html"])
+def test_of_a_moving_beacon_its_present_place_is_exported(drifting, tmp_path, suffix):
+    pings, fix = drifting
+    path = tmp_path / f"moving{suffix}"
+    export_fix(fix, path, pings=pings)
+    now = fix.present
+    assert now.lat_deg - fix.lat_deg > 5e-4
+    if suffix == ".nc":
+        passes_the_cf_checker(path)
+        with netCDF4.Dataset(path) as dataset:
+            assert dataset.beacon_lat_deg == pytest.approx(now.lat_deg, abs=1e-9)
+            assert json.loads(dataset.beacon_velocity_mps) == pytest.approx(fix.velocity.tolist())
+    elif suffix == ".gpx":
+        assert gpxpy.parse(path.read_text()).waypoints[0].latitude == pytest.approx(now.lat_deg, abs=1e-8)
+    elif suffix == ".geojson":
+        beacon = json.loads(path.read_text())["features"][0]
+        assert beacon["geometry"]["coordinates"][1] == pytest.approx(now.lat_deg, abs=1e-9)
+        assert beacon["properties"]["elapsed_s"] == pytest.approx(pings.elapsed_s[-1], abs=5)
+    elif suffix == ".html":
+        assert decimal_degrees(now.lat_deg, now.lon_deg) in path.read_text()
+    else:
+        assert f"{now.lat_deg:.4f}" in path.read_text()
 
 
 def test_the_report_needs_nothing_from_elsewhere(made, tmp_path):

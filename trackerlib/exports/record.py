@@ -65,6 +65,12 @@ class FixRecord:
         return self.pings.utc
 
     @property
+    def clock_s(self) -> np.ndarray:
+        """Seconds (N,) of the log's own clock, NaN where it tells dates or nothing."""
+        clock = None if self.pings is None else self.pings.clock_s
+        return np.full(len(self.fix.number), np.nan) if clock is None else clock
+
+    @property
     def travel_time_s(self) -> np.ndarray:
         """Logged one-way times (N,) [s] with their unknown constant, NaN where not known."""
         return np.full(len(self.fix.number), np.nan) if self.pings is None else self.pings.travel_time_s

@@ -12,7 +12,18 @@ import numpy as np
 from trackerlib.exports.antimeridian import cut_line, cut_ring
 from trackerlib.exports.record import FixRecord, Place, utc_text
 
-COLUMNS = ("ping", "utc", "lat_deg", "lon_deg", "up_m", "oneway_s", "residual_ms", "used", "left_out_because")
+COLUMNS = (
+    "ping",
+    "utc",
+    "time_s",
+    "lat_deg",
+    "lon_deg",
+    "up_m",
+    "oneway_s",
+    "residual_ms",
+    "used",
+    "left_out_because",
+)
 
 
 def fix_geojson(record: FixRecord) -> str:
@@ -37,12 +48,14 @@ def pings_csv(record: FixRecord) -> str:
     rows = csv.writer(table, lineterminator="\n")
     rows.writerow(COLUMNS)
     lat, lon, depth = record.ship
+    clock = record.clock_s
     because = record.left_out_because
     for k, number in enumerate(record.fix.number):
         rows.writerow(
             (
                 int(number),
                 utc_text(record.utc[k]),
+                _cell(clock[k], 6),
                 _cell(lat[k], 9),
                 _cell(lon[k], 9),
                 _cell(-depth[k], 4),
