@@ -42,6 +42,7 @@ SURVEYS = {
     "milliseconds": (lambda: scaled(1e3), "check their unit"),
     "microseconds": (lambda: scaled(1e6), "check their unit"),
     "two-way times": (lambda: scaled(2.0), "the ship covered|flatter|edge"),
+    "times in reverse order": (lambda: reversed_times(), "check the times"),
     "one ping": (lambda: boxed().only(slice(0, 1)), "1 usable pings"),
     "no ping": (lambda: boxed().only(slice(0, 0)), "0 usable pings"),
     "nothing but NaN": (lambda: scaled(np.nan), "0 usable pings"),
@@ -51,6 +52,12 @@ SURVEYS = {
 def scaled(factor):
     pings = boxed()
     return replace(pings, travel_time_s=pings.travel_time_s * factor)
+
+
+def reversed_times():
+    """Places forwards, times backwards, on a track that is not its own mirror."""
+    pings = survey(sail(np.array([[0.0, 2500.0], [70.0, 800.0], [200.0, 1200.0]]), np.zeros(2), 2.5, 10.0))
+    return replace(pings, travel_time_s=pings.travel_time_s[::-1].copy())
 
 
 @pytest.mark.parametrize("motion", ["still", "free"])

@@ -17,15 +17,18 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from trackerlib.beacon.fix import fix_beacon
+from trackerlib.beacon.paths import StraightPaths
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.beacon.squared_range import fix_squared_range
 from trackerlib.compiled import warm
 from trackerlib.frames import LocalFrame
+from trackerlib.simulation.beacon_survey import Errors, simulate_survey
 from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS, TIME_RMS_S, Receptions, sail_hexagon
 
 RECEPTIONS, SURVEYS = 1126, 200
 PEER_SURVEYS, WHOLE_SURVEYS = 100, 3
+MANY = 1_000_000
 RANGE_RMS_M = SOUND_SPEED_MPS * TIME_RMS_S
 
 
@@ -105,8 +108,28 @@ def compare(points: Receptions, gps_rms_m: float) -> str:
     )
 
 
+def many() -> str:
+    """Time of the whole fix from a million pings on a winding track, in words."""
+    angle = np.arange(MANY) / 1e5
+    pings = simulate_survey(
+        np.c_[2000 * np.sin(angle), 1500 * np.cos(0.7 * angle)],
+        np.array([400.0, 300.0, -1500.0]),
+        StraightPaths(SOUND_SPEED_MPS),
+        LocalFrame(43.0, -50.0),
+        np.random.default_rng(1),
+        Errors(gps_rms_m=3.0, time_rms_s=TIME_RMS_S),
+        emission_offset_s=0.2,
+        interval_s=0.1,
+    )
+    settings = FixSettings(sound_speed_mps=SOUND_SPEED_MPS, gps_rms_m=3.0, sample_interval_ms=1.0)
+    (fix,), time_s = timed(lambda k: fix_beacon(pings, settings), 1)
+    outcome = "converged" if fix.converged else f"refused: {fix.reason}"
+    return f"{time_s[0]:.1f} s by the clock, {time_s[1]:.1f} s in processor time, {outcome}"
+
+
 if __name__ == "__main__":
     warm()
+    print(f"the whole fix from {MANY} pings: {many()}")
     for number in (1, 4):
         for gps in (3.0, 25.0):
             print(
