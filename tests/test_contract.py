@@ -6,7 +6,9 @@ import sys
 import pytest
 
 
-@pytest.mark.parametrize("command", ["fix", "montecarlo", "study", "gate", "timing", "listen", "emulate-receiver"])
+@pytest.mark.parametrize(
+    "command", ["fix", "montecarlo", "study", "gate", "timing", "listen", "emulate-receiver"]
+)
 def test_the_contract_has_nothing_to_complain_of(command, root, shared):
     script = shared / "contract/check.py"
     ran = subprocess.run(

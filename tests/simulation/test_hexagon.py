@@ -81,7 +81,9 @@ def test_the_bound_is_reached_and_the_stated_ellipsoid_is_true(scenario, gps_rms
 @pytest.mark.parametrize("scenario", [1, 2, 3])
 def test_still_beacons_are_at_the_bound_with_the_ship_at_1_mps_too(scenario, gps_rms_m):
     """600 trials: a ratio is known to 0.029, a coverage to 0.009; three of each are allowed."""
-    trials = run_trials(sail_hexagon(SCENARIOS[scenario], 25 * 45 + 1, speed_mps=1.0), gps_rms_m, 600, seed=12)
+    trials = run_trials(
+        sail_hexagon(SCENARIOS[scenario], 25 * 45 + 1, speed_mps=1.0), gps_rms_m, 600, seed=12
+    )
     assert trials.converged.all()
     assert (trials.rmse / trials.bound < 1.05 + 3 * 0.029).all()
     assert (trials.rmse / trials.bound > 1 - 3 * 0.029).all()

@@ -68,19 +68,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict:
     """Runs the study, a row of study.csv as each point ends, and draws its figures."""
     use_workers(args.workers)
-    try:
-        points = study_points(args.scenarios, args.sweeps, args.gps_rms_m, args.methods)
-    except ValueError as error:
-        raise InputError(f"study: {error}") from None
-    if args.trials < 1:
-        raise InputError(f"--trials is {args.trials}; wanted at least 1")
-    if not all(0 < speed < 100 for speed in args.speed_mps) or len(set(args.speed_mps)) < len(args.speed_mps):
-        raise InputError(f"--speed-mps is {args.speed_mps}; wanted speeds above 0 and below 100, each once")
+    wanted = _wanted(args)
     begin = time.perf_counter()
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / "study.csv"
     kept = _kept(path, args) if args.resume else []
-    wanted = [(point, speed) for speed in args.speed_mps for point in points]
     done = {_key(row) for row in kept}
     left = [one for one in wanted if _name(*one) not in done]
     _begin_table(path, kept)
@@ -112,6 +104,20 @@ def run(args: argparse.Namespace) -> dict:
         "report": str(written),
         "seconds": simulated,
     }
+
+
+def _wanted(args: argparse.Namespace) -> list[tuple[StudyPoint, float]]:
+    """Every point with its ship's speed. Raises InputError for what makes no sense."""
+    try:
+        points = study_points(args.scenarios, args.sweeps, args.gps_rms_m, args.methods)
+    except ValueError as error:
+        raise InputError(f"study: {error}") from None
+    if args.trials < 1:
+        raise InputError(f"--trials is {args.trials}; wanted at least 1")
+    speeds = args.speed_mps
+    if not all(0 < speed < 100 for speed in speeds) or len(set(speeds)) < len(speeds):
+        raise InputError(f"--speed-mps is {speeds}; wanted speeds above 0 and below 100, each once")
+    return [(point, speed) for speed in speeds for point in points]
 
 
 def _key(row: dict) -> tuple[str, ...]:
