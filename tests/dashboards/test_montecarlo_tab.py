@@ -32,7 +32,9 @@ def test_a_point_is_the_command_s_point(tab):
     tab.activate()
     direct = one_row(StudyPoint(2, "experiments", 25, 45, 3.0, "all-pings"), 20, 1, 5.0)
     row = next(row for row in tab.rows if row["method"] == "all-pings" and row["experiments"] == 25)
-    assert row["rmse.z"] == direct["rmse.z"]
+    assert row["rmse.z"] == pytest.approx(
+        direct["rmse.z"], rel=1e-8
+    )  # sums differ in their last bits with memory
     drawn = tab.views.curves["all-pings"].data
     assert drawn["rmse"][list(drawn["abscissa"]).index(25)] == pytest.approx(direct["rmse.z"])
 
