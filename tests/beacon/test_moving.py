@@ -126,10 +126,10 @@ def test_a_motion_that_is_not_so_is_not_believed():
     assert not fix.converged
 
 
-@pytest.mark.parametrize(("scenario", "spacing", "reject", "most"), [(2, 20, "none", 0), (5, 15, "auto", 4)])
-def test_experiments_find_the_beacon_inside_their_ellipsoid(scenario, spacing, reject, most):
+@pytest.mark.parametrize(("scenario", "spacing"), [(2, 20), (5, 15)])
+def test_experiments_find_the_beacon_inside_their_ellipsoid(scenario, spacing):
     moving = SCENARIOS[scenario].moving
-    how = settings(method="pairs", spacing=spacing, motion="free" if moving else "still", reject=reject)
+    how = settings(method="pairs", spacing=spacing, motion="free" if moving else "still", reject="none")
     trials, inside = 40, 0
     for seed in range(trials):
         pings, truth, _ = heard(SCENARIOS[scenario], seed)
@@ -138,7 +138,7 @@ def test_experiments_find_the_beacon_inside_their_ellipsoid(scenario, spacing, r
         error = fix.position - truth
         covariance = fix.uncertainty.covariance[:3, :3]
         inside += error @ np.linalg.solve(covariance, error) < stats.chi2.ppf(0.95, 3)
-        assert len(fix.rejected) <= most
+        assert len(fix.rejected) == 0
     assert inside >= stats.binom.ppf(0.0005, trials, 0.92)  # its scale comes from some thirty experiments
 
 
