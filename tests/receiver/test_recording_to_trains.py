@@ -21,7 +21,7 @@ from trackerlib.simulation.sound import (
     pulses_heard,
 )
 
-RATE_HZ, SECONDS, BLOCK = 24_000, 150.0, 2400
+RATE_HZ, SECONDS, BLOCK = 48_000, 150.0, 4800
 PINGERS = (
     Pinger(
         position_m=(0.0, 0.0, -1990.0), interval_s=2.0, first_emission_s=0.31, drift_ppm=20.0, missing=0.3
