@@ -147,7 +147,7 @@ def test_stated_sigmas_are_true(correlation):
     """
     truth, runs, inside = ClockTruth(2.5e-3, 1e-6, 30.0), 250, np.zeros(2)
     for k, track in enumerate(GEOMETRIES.values()):
-        error = np.zeros((runs, 2))
+        error, before = np.zeros((runs, 2)), inside.copy()
         for seed in range(runs):
             rng = np.random.default_rng([seed, k, 7])
             crossover = simulate_crossover(
@@ -161,6 +161,8 @@ def test_stated_sigmas_are_true(correlation):
             inside += np.abs(error[seed]) < 1.96 * sigma
         bias, standard_error = error[:, 0].mean(), error[:, 0].std() / np.sqrt(runs)
         assert abs(bias) < 2e-6 + 2 * standard_error
+        low, high = stats.binom.ppf([0.0005, 0.9995], runs, 0.95)
+        assert np.all((low <= inside - before) & (inside - before <= high)), (inside - before) / runs
     tried = runs * len(GEOMETRIES)
     low, high = stats.binom.ppf(0.001, tried, 0.94), stats.binom.ppf(0.999, tried, 0.96)
     assert np.all((low <= inside) & (inside <= high)), inside / tried

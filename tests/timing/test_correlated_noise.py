@@ -39,6 +39,7 @@ def test_95_percent_intervals_hold(decay):
     low, high = binom.ppf(0.001, runs, 0.94), binom.ppf(0.999, runs, 0.96)
     held = np.sum(inside, axis=0)
     assert np.all((low <= held) & (held <= high)), held / runs
+    assert held / runs == pytest.approx([0.95, 0.95], abs=0.025)
 
 
 def test_the_formula_alone_is_too_small_where_noise_hangs_together():
