@@ -1,5 +1,5 @@
 # make serve   everything from a fresh machine to the app with embedded data at a printed address
-# make test    the same environment, then the whole suite, browser tests included
+# make test    the same environment, then the whole suite, browser tests included, in two processes
 
 PYTHON ?= python3
 PORT ?= 5006
@@ -13,7 +13,7 @@ serve: $(READY)
 	$(BIN)/python -m dashboards --address $(ADDRESS) --port $(PORT)
 
 test: $(READY) chromium
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadgroup
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -10,6 +10,13 @@ ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"
 
 
+def pytest_collection_modifyitems(items) -> None:
+    """Where tests run in several processes a file stays whole, and browser tests share one server and wait for none."""
+    for item in items:
+        where = "browser" if item.path.parent.name == "ui" else item.path.name
+        item.add_marker(pytest.mark.xdist_group(where))
+
+
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The repository."""

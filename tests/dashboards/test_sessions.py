@@ -33,8 +33,12 @@ def documents(server) -> int:
 
 
 def test_25_sessions_opened_and_closed_leave_no_document_and_no_work(tmp_path):
-    """Sessions are given up after 1 s instead of 15, so that what a minute brings is seen within seconds."""
-    options = ("--unused-session-lifetime", "1000", "--check-unused-sessions", "500", "--plugins", "probe")
+    """Sessions are given up after 1 s instead of 15, so that what a minute brings is seen within seconds.
+
+    How often the server looks for them is left as users have it: each look wakes it, and where a
+    virtual machine wakes slowly, looks twice a second were more than what is measured here.
+    """
+    options = ("--unused-session-lifetime", "1000", "--plugins", "probe")
     with serving(tmp_path / "log", *options) as server:
 
         async def many():
@@ -43,7 +47,7 @@ def test_25_sessions_opened_and_closed_leave_no_document_and_no_work(tmp_path):
 
         before_any = documents(server)  # those of the warmed-up page
         asyncio.run(many())
-        deadline = time.monotonic() + 40
+        deadline = time.monotonic() + 60
         while documents(server) > before_any and time.monotonic() < deadline:
             time.sleep(1)
         assert documents(server) <= before_any

@@ -51,7 +51,7 @@ def open_page(browser):
         ours = ("http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:")
         page.on("request", lambda r: None if r.url.startswith(ours) else record.foreign.append(r.url))
         page.on("websocket", lambda w: None if w.url.startswith(ours) else record.foreign.append(w.url))
-        page.goto(url)
+        page.goto(url, timeout=60_000)
         page.wait_for_function(IDLE, timeout=60_000)
         return page, record
 
