@@ -54,7 +54,7 @@ def test_25_sessions_opened_and_closed_leave_no_document_and_no_work(tmp_path):
         time.sleep(10)  # the probe's own collections end
         process = psutil.Process(server.pid)
         before = sum(process.cpu_times()[:2])
-        time.sleep(5)
-        busy = (sum(process.cpu_times()[:2]) - before) / 5
+        time.sleep(15)
+        busy = (sum(process.cpu_times()[:2]) - before) / 15
         assert busy < 0.01, f"{100 * busy:.1f} % of a core"
         assert "Traceback" not in server.log.read_text()
