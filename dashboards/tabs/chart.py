@@ -108,7 +108,7 @@ class ChartTab(Inputs, TraceActions, Tab):
             margin=0,
         )
         return Split(
-            paper, self.beside.panel(), orientation="vertical", sizes=(74, 26), sizing_mode="stretch_both"
+            paper, self.beside.pages, orientation="vertical", sizes=(74, 26), sizing_mode="stretch_both"
         )
 
     def answer(self):

@@ -12,6 +12,7 @@ from dashboards.pictures.receiver_views import DetectionView, FrontEndView, Leve
 from dashboards.session import Session
 from dashboards.tabs.chart_live import LiveReceiver
 from dashboards.tabs.front_end_words import design_words
+from dashboards.tabs.pages import Pages
 from dashboards.tabs.tab import drawn, number
 from trackerlib.receiver.cells import MatchedFilter
 from trackerlib.receiver.detection_curve import detection_curve
@@ -34,16 +35,16 @@ class Beside:
 
     def __init__(self, session: Session, say: Callable[[str], None]):
         self.session, self._say = session, say
-        self.choice = pmui.RadioButtonGroup(
-            options=list(PANES), value=PANES[0], size="small", margin=(2, 8), button_type="primary"
-        )
-        self.choice.param.watch(lambda event: self._show(), "value")
         self.residuals, self.front_end = PassView(), FrontEndView()
         self.detection, self.levels = DetectionView(), LevelView()
         self._make_terminal()
         self._make_front_end()
         self._curves_drawn = False
-        self._panes = {
+        self.pages = self._make_pages()
+        self.pages.on_show(self._show)
+
+    def _make_pages(self) -> Pages:
+        panes = {
             PANES[0]: drawn(self.residuals.figure),
             PANES[1]: pn.Column(
                 pn.Row(self.command, self.hint, margin=0), self.terminal, sizing_mode="stretch_both", margin=0
@@ -57,18 +58,12 @@ class Beside:
                 sizing_mode="stretch_both", margin=0,
             ),
         }  # fmt: skip
-        self._show()
-
-    def panel(self):
-        """All of it."""
-        return pn.Column(self.choice, *self._panes.values(), sizing_mode="stretch_both", margin=0)
+        return Pages(panes)
 
     def _show(self) -> None:
-        for name, pane in self._panes.items():  # hidden, not taken out: what is drawn must find its figure
-            pane.visible = name == self.choice.value
-        if self.choice.value == "Detection" and not self._curves_drawn:
+        if self.pages.shown == "Detection" and not self._curves_drawn:
             self._draw_curves()
-        if self.choice.value == PANES[3] and not len(self.front_end.source.data["khz"]):
+        if self.pages.shown == PANES[3] and not len(self.front_end.source.data["khz"]):
             self._design()
 
     # -- terminal ------------------------------------------------------------------------------
@@ -119,7 +114,7 @@ class Beside:
 
     def hear(self, live: LiveReceiver) -> None:
         """Shows what the line said since the last time, while the terminal is in sight."""
-        if live.said and self.choice.value == "Terminal":
+        if live.said and self.pages.shown == "Terminal":
             said, live.said = live.said, b""
             text = "".join(chr(c) if 32 <= c < 127 or c in (10, 13) else "" for c in said)
             self.terminal.write(text)

@@ -12,17 +12,17 @@ from panel_splitjs import Split
 class Pages(pn.Column):
     """A row of names and the picture of the name chosen.
 
-    The others are hidden, not taken out: what is drawn meanwhile must find its figure.
+    A picture comes into the page when it is first shown, so that none waits for those nobody looks at; later
+    it is hidden, not taken out: what is drawn meanwhile must find its figure.
     """
 
     def __init__(self, pages: dict, beside: tuple = ()):
         self.choice = pmui.RadioButtonGroup(
             options=list(pages), value=next(iter(pages)), size="small", margin=(2, 8), button_type="primary"
         )
+        self._pictures = pages
         # In a column each: a bare figure, once shown, would not hide again.
-        self.pages = {
-            name: pn.Column(page, sizing_mode="stretch_both", margin=0) for name, page in pages.items()
-        }
+        self.pages = {name: pn.Column(sizing_mode="stretch_both", margin=0) for name in pages}
         super().__init__(
             pn.Row(self.choice, *beside, margin=0), *self.pages.values(), sizing_mode="stretch_both", margin=0
         )
@@ -41,6 +41,8 @@ class Pages(pn.Column):
     def _show(self) -> None:
         for name, page in self.pages.items():
             page.visible = name == self.choice.value
+            if page.visible and not len(page):
+                page.append(self._pictures[name])
 
 
 def fill(figure):

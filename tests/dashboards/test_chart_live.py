@@ -83,7 +83,7 @@ def test_the_menus_turn_the_receiver(tab):
     tab.controls_.maxima.value = 4
     tab.controls_.send.clicks += 1
     assert until(tab, lambda: receiver.memory[0x63] == 8)
-    tab.beside.choice.value = "Terminal"
+    tab.beside.pages.choice.value = "Terminal"
     tab.beside._keyed(SimpleNamespace(new="#PTR H\r"))
     heard = []
     tab.beside.terminal.param.watch(lambda event: heard.append(event.new), "output")
@@ -93,7 +93,7 @@ def test_the_menus_turn_the_receiver(tab):
 def test_the_link_test_is_ended_by_the_key_that_ends_the_line(tab):
     connect(tab)
     assert until(tab, lambda: tab.live.status.periods > 0)
-    tab.beside.choice.value = "Terminal"
+    tab.beside.pages.choice.value = "Terminal"
     heard = []
     tab.beside.terminal.param.watch(lambda event: heard.append(event.new), "output")
     tab.beside._keyed(SimpleNamespace(new="#PTR !T1234 5678\r"))
