@@ -152,6 +152,12 @@ def serve_page(tabs=TABS) -> None:
     page.servable(title=NAME)
 
 
+def _place():
+    """Where a tab will stand, with a word that it is coming."""
+    word = pn.pane.HTML("<span style='opacity:.6'>Drawing…</span>", margin=(12, 14))
+    return pn.Column(word, sizing_mode="stretch_both", margin=0)
+
+
 class Workbench:
     """One browser session's page."""
 
@@ -161,7 +167,7 @@ class Workbench:
         self._made: dict[int, Tab] = {}  # those shown so far, by their place
         self._shown = None
         self._tabs = pmui.Tabs(
-            *((kind.title, pn.Column(sizing_mode="stretch_both", margin=0)) for kind in self._kinds),
+            *((kind.title, _place()) for kind in self._kinds),
             sizing_mode="stretch_both",
             dynamic=False,
             margin=0,
@@ -378,8 +384,8 @@ class Workbench:
         try:
             tab = self._shown = self.tab
             tab.activate()
-            if not len(place):
-                place.append(tab.__panel__())
+            if (layout := tab.__panel__()) is not place[0]:
+                place[:] = [layout]
         except Exception as error:
             log.error("tab %s could not be drawn", kind.title, exc_info=error)
             place[:] = [

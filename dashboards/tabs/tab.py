@@ -146,15 +146,7 @@ class Tab(Viewer):
     def _build(self):
         left = [*self.controls()]
         if folded := self.more():
-            sections = folded if isinstance(folded, dict) else {"More": folded}
-            left.append(
-                pmui.Accordion(
-                    *((title, pn.Column(*widgets, margin=0)) for title, widgets in sections.items()),
-                    margin=(4, 0),
-                    sizing_mode="stretch_width",
-                    sx=FOLDED,
-                )
-            )
+            left.append(_sections(folded if isinstance(folded, dict) else {"More": folded}))
         controls = pn.Column(
             *left, scroll="y", sizing_mode="stretch_both", min_height=0, margin=0, css_classes=["controls"]
         )
@@ -170,6 +162,22 @@ class Tab(Viewer):
         if not self.active:
             self.activate()
         return self._layout
+
+
+def _sections(folded: dict[str, list]):
+    """Folded sections by title; the widgets of one come into the page when it is first opened."""
+    places = [pn.Column(margin=0) for _ in folded]
+    sections = pmui.Accordion(
+        *zip(folded, places, strict=True), margin=(4, 0), sizing_mode="stretch_width", sx=FOLDED
+    )
+
+    def fill(event) -> None:
+        for k, (place, widgets) in enumerate(zip(places, folded.values(), strict=True)):
+            if k in event.new and not len(place):
+                place.extend(widgets)
+
+    sections.param.watch(fill, "active")
+    return sections
 
 
 def drawn(figure, **options):
