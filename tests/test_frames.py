@@ -64,6 +64,49 @@ def test_utm_of_a_known_place():
     assert northing == pytest.approx(10_000_000 - 11.06, abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("lat", "lon", "zone"),
+    [
+        (60.39, 5.32, "32N"),  # Bergen, 32V
+        (78.22, 15.65, "33N"),  # Longyearbyen, 33X
+        (78.93, 11.93, "33N"),  # Ny-Alesund
+        (80.06, 31.5, "35N"),  # Kvitoya
+        (70.92, -8.72, "29N"),  # Jan Mayen: no exception
+        (64.0, 5.0, "31N"),  # north of the widened 32V
+        (55.99, 5.0, "31N"),
+        (58.97, 5.73, "32N"),  # Stavanger
+        (58.0, 2.99, "31N"),
+        (71.99, 8.0, "32N"),
+        (72.0, 8.99, "31N"),
+        (72.0, 9.0, "33N"),
+        (84.0, 33.0, "37N"),
+        (84.0, 42.0, "38N"),
+        (-60.0, 5.0, "31S"),
+        (60.39, 365.32, "32N"),
+        (10.0, 180.0, "1N"),
+    ],
+)
+def test_utm_zones_of_norway_and_svalbard(lat, lon, zone):
+    assert utm(lat, lon)[0] == zone
+
+
+def test_utm_of_bergen_by_the_series_of_krueger():
+    # Transverse Mercator about 9 E, to the third order in the flattening, written out here.
+    f = 1 / 298.257223563
+    n = f / (2 - f)
+    radius = 6_378_137 / (1 + n) * (1 + n**2 / 4 + n**4 / 64)
+    alpha = (n / 2 - 2 * n**2 / 3 + 5 * n**3 / 16, 13 * n**2 / 48 - 3 * n**3 / 5, 61 * n**3 / 240)
+    lat, lon = np.radians(60.39), np.radians(5.32 - 9)
+    k = 2 * np.sqrt(n) / (1 + n)
+    t = np.sinh(np.arctanh(np.sin(lat)) - k * np.arctanh(k * np.sin(lat)))
+    xi, eta = np.arctan2(t, np.cos(lon)), np.arctanh(np.sin(lon) / np.hypot(1, t))
+    zeta = xi + 1j * eta
+    north_east = zeta + sum(a * np.sin(2 * (j + 1) * zeta) for j, a in enumerate(alpha))
+    _, easting, northing = utm(60.39, 5.32)
+    assert easting == pytest.approx(500_000 + 0.9996 * radius * north_east.imag, abs=0.001)
+    assert northing == pytest.approx(0.9996 * radius * north_east.real, abs=0.001)
+
+
 def test_utm_says_where_it_ends():
     with pytest.raises(ValueError, match="not defined at latitude 85"):
         utm(85.0, 0.0)

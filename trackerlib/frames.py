@@ -69,10 +69,20 @@ def utm(lat_deg: float, lon_deg: float) -> tuple[str, float, float]:
     """
     if not -80 <= lat_deg <= 84:
         raise ValueError(f"UTM is not defined at latitude {lat_deg:.2f} degrees")
-    zone = int((lon_deg + 180) // 6) % 60 + 1
+    zone = utm_zone(lat_deg, lon_deg)
     south = lat_deg < 0
     easting, northing = _to_utm(zone, south).transform(lon_deg, lat_deg)
     return f"{zone}{'S' if south else 'N'}", easting, northing
+
+
+def utm_zone(lat_deg: float, lon_deg: float) -> int:
+    """Number of the UTM zone, 6 degrees wide but for south-west Norway (32V) and Svalbard (31X, 33X, 35X, 37X)."""
+    east = (lon_deg + 180) % 360 - 180
+    if 56 <= lat_deg < 64 and 3 <= east < 12:
+        return 32
+    if lat_deg >= 72 and 0 <= east < 42:
+        return (31, 33, 35, 37)[sum(east >= west for west in (9, 21, 33))]
+    return int((east + 180) // 6) + 1
 
 
 @cache

@@ -26,8 +26,7 @@ def degrees_minutes_seconds(lat_deg: float, lon_deg: float, decimals: int = 3) -
 def utm(lat_deg: float, lon_deg: float, decimals: int = 1) -> str:
     """Zone with its datum, easting and northing in metres: `UTM 31N (WGS 84) 500000.0 m E 0.0 m N`.
 
-    Zones are 6 degrees wide everywhere. Raises ValueError beyond 84 degrees north and 80 degrees
-    south, where UTM is not defined.
+    Raises ValueError beyond 84 degrees north and 80 degrees south, where UTM is not defined.
     """
     zone, easting, northing = frames.utm(*_checked(lat_deg, lon_deg))
     return f"UTM {zone} (WGS 84) {easting:z.{decimals}f} m E {northing:z.{decimals}f} m N"
