@@ -21,7 +21,11 @@ CELL = " style='padding:1px 10px 1px 0;vertical-align:top'"
 
 
 def sentence(fix: BeaconFix) -> str:
-    """The answer as a person would read it aloud, as HTML."""
+    """The answer as a person would read it aloud, with what must be noted beside it, as HTML."""
+    return _answer(fix) + "".join(f" <b>Note:</b> {html.escape(note)}." for note in fix.notes)
+
+
+def _answer(fix: BeaconFix) -> str:
     if fix.converged:
         now = fix.present
         shape = now.ellipse

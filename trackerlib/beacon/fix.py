@@ -28,7 +28,7 @@ from trackerlib.beacon.observability import (
 )
 from trackerlib.beacon.on_a_line import UNREACHABLE, fix_on_a_line
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.result import BeaconFix, blank_fix, timed
+from trackerlib.beacon.result import AS_LIKELY, BeaconFix, blank_fix, timed
 from trackerlib.beacon.search import candidates_of
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, METHODS, FixSettings
 from trackerlib.beacon.unbiased import unbiased
@@ -36,7 +36,6 @@ from trackerlib.beacon.unbiased import unbiased
 ONE_PLACE = 6.0  # times the ship's error: a track shorter than this is one place
 SPARE_PINGS = 3  # pings beyond the number of unknowns below which a fix is refused
 FOLDED_ROUNDS = 4  # fixes after which no folded time may move any more
-AS_LIKELY = 9.0  # chi-square by which another solution may fit worse and still count (3 sigma)
 
 
 def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
@@ -151,8 +150,9 @@ def _judged(attempt: Attempt) -> BeaconFix:
         for other in candidates[1:]
         if _as_likely(other, best, fix) and attempt.problem.region.edge(other.position) is None
     )
-    reason = objection(attempt, best, fix, unseen, others)
-    return replace(fix, converged=reason is None, reason=reason, unobservable=unseen, alternatives=others)
+    fix = replace(fix, unobservable=unseen, alternatives=others)
+    reason = objection(attempt, best, fix)
+    return replace(fix, converged=reason is None, reason=reason)
 
 
 def _as_likely(other: Candidate, best: Candidate, fix: BeaconFix) -> bool:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trackerlib.beacon.above_below import depth_that_helps, mirrored, side_words
 from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.observability import straight_track, unseen_beside_line, unseen_directions
 from trackerlib.beacon.pairs import (
@@ -22,7 +23,7 @@ from trackerlib.beacon.pairs import (
     shared_covariance,
 )
 from trackerlib.beacon.pings import Pings
-from trackerlib.beacon.result import BeaconFix, blank_fix, time_sigma
+from trackerlib.beacon.result import AS_LIKELY, BeaconFix, Solution, blank_fix, time_sigma
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, FixSettings
 from trackerlib.beacon.uncertainty import Uncertainty
 from trackerlib.residuals import ResidualCorrelation
@@ -78,7 +79,8 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
     if track.is_straight(max(heard.gps_rms_m, 0.1)):
         unseen = unseen_beside_line(track)
         return replace(blank, reason=unseen[0].why, unobservable=unseen)
-    rest = _search(heard, blank, time_sigma(pings, settings), settings)
+    time_rms_s = time_sigma(pings, settings)
+    rest = _search(heard, blank, time_rms_s, settings)
     if not rest.converged:
         where = (
             "on the edge of the search region; widen it" if rest.at_edge else "nowhere; try more experiments"
@@ -88,12 +90,18 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
             reason=f"the search came to rest {where}, or check the times and the speed of sound",
             log=rest.log,
         )
+    rest, other = _both_sides(heard, blank, rest, time_rms_s, settings)
     fix = _fixed(blank, allowed, heard, rest, settings)
+    if other is not None:
+        fix = replace(fix, alternatives=(_solution(heard, blank, other, rest),))
     slant_range = float(np.median(np.linalg.norm(fix.position - heard.ship[heard.heard], axis=1)))
     for instant in (0.0, float(heard.elapsed[-1])):
         unseen = unseen_directions(fix.at(instant)[1], slant_range, track)
         if unseen:
             return replace(fix, converged=False, reason=unseen[-1].why, unobservable=unseen)
+    if other is not None:
+        noise_m = fix.uncertainty.rms_s * rest.speed_mps
+        return replace(fix, converged=False, reason=f"{side_words(fix)}; {depth_that_helps(fix, noise_m)}")
     return fix
 
 
@@ -177,6 +185,48 @@ def _search(heard: _Receptions, blank: BeaconFix, time_rms_s: float, settings: F
         speed_mps=speed,
         at_edge=bool((np.abs(state) > 0.999 * np.abs(box.limits(len(state))[0])).any()),
         log=tuple(log),
+    )
+
+
+def _both_sides(
+    heard: _Receptions, blank: BeaconFix, rest: _Rest, time_rms_s: float, settings: FixSettings
+) -> tuple[_Rest, _Rest | None]:
+    """The better of a rest and what lies beyond the hydrophone, and the other where it is as likely."""
+    level = float(heard.ship[heard.heard, 2].mean())
+    if mirrored(rest.state, level)[2] >= 0:  # not under water
+        return rest, None
+    side = 1.0 if rest.state[2] > level else -1.0  # the search looks below the hydrophone, or upside down
+    ship = (heard.ship - [0.0, 0.0, level]) * [1.0, 1.0, side]
+    room = settings.max_depth_m + level if side > 0 else -level
+    there = _search(
+        replace(heard, ship=ship),
+        blank,
+        time_rms_s,
+        replace(settings, profile=None, sound_speed_mps=rest.speed_mps, max_depth_m=room, start=None),
+    )
+    if not there.converged:
+        return rest, None
+    turned = np.resize([1.0, 1.0, side], len(there.state))
+    there = replace(
+        there,
+        state=there.state * turned + level * (np.arange(len(turned)) == 2),
+        per_speed=there.per_speed * turned,
+        noise=there.noise * np.outer(turned, turned),
+    )
+    best, other = sorted([rest, there], key=lambda one: one.misfit)
+    return best, other if _worse(heard, other, best) < AS_LIKELY else None
+
+
+def _worse(heard: _Receptions, other: _Rest, best: _Rest) -> float:
+    """Chi-square of a rest above that of the best, in the noise that the best shows."""
+    return (other.misfit - best.misfit) * (len(heard.pairs) - len(best.state)) / max(best.misfit, 1e-30)
+
+
+def _solution(heard: _Receptions, blank: BeaconFix, other: _Rest, best: _Rest) -> Solution:
+    east, north, up = other.state[:3] + heard.centre
+    lat, lon, height = blank.frame.to_geodetic(np.array([east, north, up]))
+    return Solution(
+        float(lat), float(lon), -float(height), float(east), float(north), _worse(heard, other, best)
     )
 
 

@@ -231,7 +231,8 @@ class LiveFix:
     def _solve(self, sums: LiveSums, seen: int) -> None:
         """Moves the fix to where the sums of so many pings seen have it."""
         theta = self._theta.copy()
-        solved = solve_sums(sums.moments, theta) and theta[2] < self._rows[0, UP]
+        solved = solve_sums(sums.moments, theta)
+        solved &= (theta[2] < self._rows[0, UP]) == (self._theta[2] < self._rows[0, UP])  # of the hydrophone
         reach = FARTHEST * np.linalg.norm(self._theta[:3] - self._rows[(self.count - 1) % KEPT, :3])
         followed = sums.tally[0] >= LEAST_FOLLOWED * seen
         if solved and followed and np.linalg.norm(theta[:3] - self._theta[:3]) < reach:

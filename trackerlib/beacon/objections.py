@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from trackerlib.beacon.above_below import depth_that_helps, mirror_of, side_words
 from trackerlib.beacon.advice import leg_that_helps
 from trackerlib.beacon.attempt import TYPICAL_DEPTH_M, Attempt, Candidate
 from trackerlib.beacon.minimise import descend
@@ -40,7 +41,7 @@ def impossible_times(attempt: Attempt, ship_sigma: float) -> str | None:
     )
 
 
-def objection(attempt: Attempt, best, fix, unseen, others) -> str | None:
+def objection(attempt: Attempt, best: Candidate, fix: BeaconFix) -> str | None:
     """Why this fix must not be believed, or None."""
     edge = attempt.problem.region.edge(best.position)
     if edge:
@@ -56,12 +57,16 @@ def objection(attempt: Attempt, best, fix, unseen, others) -> str | None:
             )
     if why := _moves(attempt, best, fix):
         return why
-    if unseen:
+    if unseen := fix.unobservable:
         noise_s = np.hypot(fix.uncertainty.noise_s, _assumed_noise(attempt))
         return f"{unseen[-1].why}: {leg_that_helps(attempt.problem.only(best.keep), best.position[None], noise_s)}"
     if not best.settled:
         return "the search did not come to rest; check the speed of sound and the times"
-    if others:
+    if others := fix.alternatives:
+        if len(others) == 1 and mirror_of(fix) is not None:
+            noise_s = np.hypot(fix.uncertainty.noise_s, _assumed_noise(attempt))
+            noise_m = noise_s * attempt.problem.paths.mean_speed(TYPICAL_DEPTH_M)
+            return f"{side_words(fix)}; {depth_that_helps(fix, noise_m)}"
         other_leg = max(100 * round(OTHER_LEG * attempt.problem.slant_range(best.position) / 100), 100)
         return (
             f"{len(others)} other place{'s' if len(others) > 1 else ''} fit about as well; "

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trackerlib.beacon.above_below import side_words
 from trackerlib.beacon.clock import Emission, emission_instants
 from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.folds import unfold
@@ -15,6 +16,8 @@ from trackerlib.beacon.settings import FixSettings
 from trackerlib.beacon.uncertainty import Ellipse, Uncertainty, ellipse95
 from trackerlib.frames import LocalFrame
 from trackerlib.rounding import value_with_sigma
+
+AS_LIKELY = 9.0  # chi-square by which another solution may fit worse and still count (3 sigma)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +139,12 @@ class BeaconFix:
             return 0.0
         covariance = self.uncertainty.covariance
         return float(-np.trace(covariance[:3, 3:]) / max(np.trace(covariance[3:, 3:]), 1e-300))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What else must be told beside the place, unless `reason` tells it."""
+        words = side_words(self)
+        return () if words is None or words in (self.reason or "") else (words,)
 
     @property
     def rejected(self) -> np.ndarray:

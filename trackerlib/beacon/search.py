@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from trackerlib.beacon.above_below import mirrored
 from trackerlib.beacon.attempt import TYPICAL_DEPTH_M, Attempt, Candidate
 from trackerlib.beacon.minimise import Problem, robust_descent, scale_of, settle, starts
+from trackerlib.beacon.paths import depth_below_surface
 from trackerlib.beacon.squared_range import linear_start
 from trackerlib.residuals import residual_correlation
 
@@ -23,6 +25,7 @@ def candidates_of(attempt: Attempt) -> list[Candidate]:
     log.begin(f"search from {len(first)} starts")
     found, scale = robust_descent(straight, first, rounds=12, steps=6, log=log)
     found = found[_distinct(attempt, found, attempt.cost(found, float(scale.min()), straight))[:6]]
+    found = np.concatenate([found, _other_side(attempt, found[0])])
     log.begin(f"search on from {len(found)} place{'s' if len(found) > 1 else ''}")
     found, scale = robust_descent(search, found, rounds=8, steps=6, log=log)
     reachable = np.isfinite(search.times(found)[0]).mean(axis=1) > 0.5
@@ -37,6 +40,12 @@ def candidates_of(attempt: Attempt) -> list[Candidate]:
     common = _common_scale(attempt, settled)
     cost = attempt.cost(positions, common, replace(attempt.problem, noise_s=common))
     return [replace(settled[k], cost=float(cost[k])) for k in _distinct(attempt, positions, cost)]
+
+
+def _other_side(attempt: Attempt, state: np.ndarray) -> np.ndarray:
+    """The mirror (0 or 1, P) of a state on the other side of the hydrophone, where that is under water."""
+    start = mirrored(state, float(attempt.problem.ship[:, 2].mean()))
+    return start[None] if depth_below_surface(start) > 0 else np.empty((0, len(state)))
 
 
 def _settled(attempt: Attempt, state: np.ndarray, scale: float) -> Candidate:

@@ -83,15 +83,20 @@ def _bias_size(problem: Problem, state: np.ndarray, misfit: Misfit, scale: float
 def _by_squared_ranges(
     attempt: Attempt, problem: Problem, state: np.ndarray, misfit: Misfit, scale: float, neighbours: int
 ) -> Unbiased | None:
-    """By compiled equations along straight lines that take as long as the rays do; None where they fail."""
+    """By compiled equations along straight lines that take as long as the rays do; None where they fail.
+
+    They know places below the hydrophone alone: one above it is solved upside down.
+    """
     offset = misfit.linear[0, 0]
+    turned = np.ones(len(state))
+    turned[2::3] = 1.0 if _is_below(problem, state) else -1.0
     for _ in range(3):
         travel_time = problem.times(state[None])[0][0]
         distance = np.linalg.norm(problem.places(state[None])[0] - problem.ship, axis=-1)
         speed = distance / travel_time
         usual = float(np.median(speed))
         found = fix_squared_range(
-            problem.ship[None],
+            problem.ship[None] * turned[:3],
             (distance + speed * (problem.time - offset - travel_time))[None],
             problem.share,
             (scale * float(problem.gps_rms_m[0]), scale * float(problem.gps_rms_m[1])),
@@ -104,11 +109,11 @@ def _by_squared_ranges(
             return None
         before = state
         offset += found.estimate[0, 3] / usual
-        state = np.concatenate([found.estimate[0, :3], found.estimate[0, 4:]])
+        state = np.concatenate([found.estimate[0, :3], found.estimate[0, 4:]]) * turned
         moved = np.array([np.linalg.norm(state - before)])
         attempt.log.note(state[None], problem.eliminate(state[None], misfit.weight), moved)
     order = [k for k in range(len(state) + 1) if k != 3] + [3]  # c0 stands last here, in seconds
-    size = np.append(np.ones(len(state)), 1 / usual)
+    size = np.append(turned, 1 / usual)
     return Unbiased(state, found.covariance[0][np.ix_(order, order)] * np.outer(size, size))
 
 
@@ -123,6 +128,7 @@ def _by_instruments(
     linear, still = misfit.linear[0], np.zeros(len(problem.axes))
     prior = problem.prior / (scale**2 * np.median(problem.variance(misfit.time_gradient)))
     pull = np.concatenate([still, prior])
+    below = _is_below(problem, state)
     for _ in range(ROUNDS):
         distance, slope, columns, speed = _slopes(problem, state, linear)
         near, near_slope, _, near_speed = _slopes(beside, state, linear)
@@ -143,9 +149,14 @@ def _by_instruments(
         attempt.log.note(state[None], at, np.array([np.linalg.norm(moved)]))
         if step @ normal @ step < AT_REST:
             inverse = np.linalg.pinv(normal, rcond=1e-15)
-            inside = problem.region.edge(state) is None and state[2] < problem.ship[:, 2].max()
+            inside = problem.region.edge(state) is None and _is_below(problem, state) == below
             return Unbiased(state, inverse @ (instrument.T @ near_slope) @ inverse.T) if inside else None
     return None
+
+
+def _is_below(problem: Problem, state: np.ndarray) -> bool:
+    """Whether a state (P,) lies below the hydrophone."""
+    return bool(state[2] < problem.ship[:, 2].max())
 
 
 def _correlation(attempt: Attempt) -> float:

@@ -407,7 +407,7 @@ def _further_lines(answer: dict) -> list[str]:
         f"{chi_square_words(a['chi_square_above_best'])}"
         for a in answer["alternatives"]
     ]
-    lines += [f"note      {sentence}" for sentence in answer["warnings"]]
+    lines += [f"note      {sentence}" for sentence in [*answer["notes"], *answer["warnings"]]]
     return lines
 
 

@@ -45,6 +45,7 @@ def document(fix: BeaconFix) -> dict:
             }
             for other in fix.alternatives
         ],
+        "notes": list(fix.notes),
         "method": fix.method,
         "simulated": fix.simulated,
         **_uncertainty(fix),

@@ -229,6 +229,7 @@ def _summary(record: FixRecord) -> list[str]:
     for other in fix.alternatives:
         place = (other.lat_deg, other.lon_deg)
         lines.append(f"Fits about as well: {decimal_degrees(*place)}, depth {other.depth_m:.0f} m")
+    lines += [f"Note: {note}" for note in fix.notes]
     lines.append(f"Pings used: {int(fix.used.sum())} of {len(fix.number)}")
     return lines
 
