@@ -20,6 +20,7 @@ from trackerlib.beacon.planning import (
     Plan,
     accuracy_map,
     forecast_leg,
+    map_reach,
     plan_next_leg,
     surveys_so_far,
     worse_after,
@@ -83,8 +84,8 @@ class NextLeg:
                 raise InputError(f"No leg can be planned: {error}") from None
             surveys = surveys_so_far(heard, fix, settings)
             progress(0.3, "map")
-            reach = min(budget_s * speed, 3 * abs(plan.best.leg.length_m) + 500)
-            return plan, surveys, accuracy_map(surveys[0], reach, speed, cells=MAP_CELLS)
+            reach = map_reach(plan, budget_s, speed)
+            return plan, surveys, accuracy_map(surveys, reach, speed, cells=MAP_CELLS)
 
         def done(found):
             if session.fix is fix:

@@ -240,10 +240,47 @@ def test_the_map_is_best_beyond_the_beacon_and_no_place_is_worse_than_now_when_s
     pings = survey()
     fix = fix_beacon(pings, SETTINGS)
     base = surveys_so_far(pings, fix, SETTINGS)[0]
-    east, north, error = accuracy_map(base, 3000.0, 5.0, cells=9)
+    east, north, error = accuracy_map([base], 3000.0, 5.0, cells=9)
     now = np.sqrt(np.trace(base.forecast(base.ship, base.elapsed_s, float(base.elapsed_s[-1]))))
     assert error.shape == (len(north), len(east)) == (9, 9)
     assert error.max() < now * 1.01
+
+
+def test_the_map_tells_the_worst_of_all_places_that_fit():
+    pings = survey(legs=LEGS[:1])  # a straight leg: two mirror places
+    fix = fix_beacon(pings, SETTINGS)
+    both = surveys_so_far(pings, fix, SETTINGS)
+    assert len(both) == 2
+    east, north, error = accuracy_map(both, 2000.0, 5.0, cells=5)
+    for place in (one.beacon for one in both):
+        assert east[0] <= place[0] - 2000 < place[0] + 2000 <= east[-1] + 1e-6
+        assert north[0] <= place[1] - 2000 < place[1] + 2000 <= north[-1] + 1e-6
+    each = np.array(
+        [
+            [[one.after(Leg(one.ship[-1, :2], np.array([x, y]), 5.0)).rms_m for x in east] for y in north]
+            for one in both
+        ]
+    )
+    assert error == pytest.approx(each.max(axis=0))
+    assert (each.argmax(axis=0) == 0).any()
+    assert (each.argmax(axis=0) == 1).any()
+
+
+def test_the_command_writes_the_map(data, tmp_path, capsys):
+    path = tmp_path / "map.csv"
+    assert main(["plan", str(data / "beacon-demo/survey.csv"), "--map", str(path), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    text = path.read_text()
+    assert "SIMULATED" in text.splitlines()[0]
+    header, *rows = [line.split(",") for line in text.splitlines() if not line.startswith("#")]
+    assert header == ["lat_deg", "lon_deg", "east_m", "north_m", "expected_error_m"]
+    lat, lon, east, north, error = np.array(rows, float).T
+    assert len(rows) == 25 * 25
+    assert error.min() < answer["now_rms_m"]
+    assert np.ptp(lat) * 111_000 == pytest.approx(np.ptp(north), rel=0.01)
+    assert np.ptp(lon) * 111_320 * np.cos(np.radians(lat.mean())) == pytest.approx(np.ptp(east), rel=0.01)
+    assert main(["plan", str(data / "beacon-demo/survey.csv"), "--map", str(tmp_path / "no/map.csv")]) == 2
+    assert "map.csv" in capsys.readouterr().err
 
 
 def test_a_moving_beacon_s_present_place_gets_worse_again_when_the_ship_sails_away():

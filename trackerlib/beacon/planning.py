@@ -389,19 +389,25 @@ def time_to_meet(there: np.ndarray, velocity: np.ndarray, speed_mps: float) -> f
     return float(roots[roots >= 0].min()) if (roots >= 0).any() else None
 
 
-def accuracy_map(survey: Survey, half_width_m: float, speed_mps: float, cells: int = 25):
+def map_reach(plan: Plan, budget_s: float, speed_mps: float) -> float:
+    """How far [m] from the beacon a map of attainable accuracy is worth drawing beside a plan."""
+    return min(budget_s * speed_mps, 3 * plan.best.leg.length_m + 500)
+
+
+def accuracy_map(surveys: list[Survey], half_width_m: float, speed_mps: float, cells: int = 25):
     """Expected error [m] (cells, cells), by north then east, at the end of a straight leg to each place of a grid.
 
-    Also the grid's east (cells,) and north (cells,) [m]; it is centred on the beacon.
+    Where several places fit, each cell tells the error for the place that its leg tells least of. Also the grid's
+    east (cells,) and north (cells,) [m]; it reaches half_width_m beyond the places that fit, every way.
     """
-    centre = (survey.beacon + float(np.max(survey.elapsed_s)) * survey.velocity)[:2]
-    steps = np.linspace(-half_width_m, half_width_m, cells)
-    east, north = centre[0] + steps, centre[1] + steps
+    places = np.array([(one.beacon + one.last_s * one.velocity)[:2] for one in surveys])
+    low, high = places.min(axis=0), places.max(axis=0)
+    half = half_width_m + (high - low).max() / 2
+    steps = np.linspace(-half, half, cells)
+    east, north = (low + high)[:, None] / 2 + steps
+    start = surveys[0].ship[-1, :2]
     error = np.array(
-        [
-            [survey.after(Leg(survey.ship[-1, :2], np.array([x, y]), speed_mps)).rms_m for x in east]
-            for y in north
-        ]
+        [[forecast_leg(surveys, Leg(start, np.array([x, y]), speed_mps)).rms_m for x in east] for y in north]
     )
     return east, north, error
 

@@ -13,6 +13,8 @@ from trackerlib.beacon.planning import (
     FASTEST_MPS,
     Forecast,
     Plan,
+    accuracy_map,
+    map_reach,
     plan_next_leg,
     surveys_so_far,
     time_to_reach,
@@ -20,7 +22,9 @@ from trackerlib.beacon.planning import (
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.commands import fix as fix_command
 from trackerlib.exports.gpx import route_gpx
-from trackerlib.textfiles import InputError
+from trackerlib.exports.record import FixRecord
+from trackerlib.exports.tables import accuracy_csv
+from trackerlib.textfiles import InputError, write_text
 
 SUMMARY = "plan the next leg of a beacon hunt"
 
@@ -39,6 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--wanted-m", type=float, metavar="E", help="also the time until the expected error is this")
     add("--route", type=Path, metavar="FILE.gpx", help="also write the leg as a GPX route")
+    add(
+        "--map",
+        type=Path,
+        metavar="FILE.csv",
+        help="also write the expected error after a leg to each place of a grid, the worst of all that fit",
+    )
 
 
 def run(args: argparse.Namespace) -> dict:
@@ -47,15 +57,19 @@ def run(args: argparse.Namespace) -> dict:
     fix = fix_beacon(pings, settings)
     try:
         plan = plan_next_leg(pings, fix, settings, args.budget_s, args.ship_speed_mps)
+        surveys = surveys_so_far(pings, fix, settings)
         seconds = None
         if args.wanted_m is not None:
-            seconds = time_to_reach(
-                surveys_so_far(pings, fix, settings)[0], args.wanted_m, args.ship_speed_mps
-            )
+            seconds = time_to_reach(surveys[0], args.wanted_m, args.ship_speed_mps)
     except ValueError as error:
         raise InputError(error) from None
     if args.route is not None:
         write_route(plan, fix, args.route)
+    if args.map is not None:
+        reach = map_reach(plan, args.budget_s, args.ship_speed_mps)
+        grid = accuracy_map(surveys, reach, args.ship_speed_mps)
+        record = FixRecord(fix, pings, settings)
+        write_text(args.map, accuracy_csv(record, *grid, args.ship_speed_mps))
     return {
         "converged": fix.converged,
         "reason": fix.reason,

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from trackerlib.exports.antimeridian import cut_line, cut_ring
-from trackerlib.exports.record import FixRecord, Place, utc_text
+from trackerlib.exports.record import FixRecord, Place, utc_text, wrapped
 
 COLUMNS = (
     "ping",
@@ -66,6 +66,35 @@ def pings_csv(record: FixRecord) -> str:
             )
         )
     return table.getvalue()
+
+
+def accuracy_csv(
+    record: FixRecord, east_m: np.ndarray, north_m: np.ndarray, error_m: np.ndarray, speed_mps: float
+) -> str:
+    """CSV of the error [m] (N, M) expected after a leg to each place of a grid, under a comment block with the fix.
+
+    east_m, north_m : (M,), (N,) in the frame of the fix; speed_mps : at which the legs are sailed
+    """
+    table = io.StringIO()
+    for line in (record.title, *record.summary):
+        table.write(f"# {line}\n")
+    table.write(
+        f"# Expected error (root-mean-square, in space) after a straight leg at {speed_mps:g} m/s from the last ping "
+        "to each place; of several places that fit, for the one that the leg tells least of\n"
+    )
+    rows = csv.writer(table, lineterminator="\n")
+    rows.writerow(("lat_deg", "lon_deg", "east_m", "north_m", "expected_error_m"))
+    east, north = np.meshgrid(east_m, north_m)
+    lat, lon, _ = record.fix.frame.to_geodetic(np.stack([east, north, np.zeros_like(east)], axis=-1))
+    columns = (
+        _cells(lat, 8), _cells(wrapped(lon), 8), _cells(east, 2), _cells(north, 2), _cells(error_m, 4)
+    )  # fmt: skip
+    rows.writerows(zip(*columns, strict=True))
+    return table.getvalue()
+
+
+def _cells(values: np.ndarray, decimals: int) -> list[str]:
+    return [_cell(float(value), decimals) for value in values.ravel()]
 
 
 def _cell(value: float, decimals: int) -> str:
