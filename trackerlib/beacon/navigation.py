@@ -239,28 +239,65 @@ def _counted(words: tuple[str, ...], rows: np.ndarray) -> tuple[tuple[str, int],
     return tuple((words[row], int(n)) for row, n in zip(*np.unique(rows, return_counts=True), strict=True))
 
 
+@dataclass(frozen=True, eq=False)
+class Receptions:
+    """Arrivals and the positions beside them: what pings are made of, again whenever the limits are others."""
+
+    number: np.ndarray  # (N,) integers: the stable name of a ping
+    arrival_s: np.ndarray  # (N,) by the clock of the positions
+    fixes: NavigationFixes
+    travel_time_s: np.ndarray | None = None  # (N,) see `pings_of_stream`
+    emission_s: np.ndarray | None = None  # (N,)
+    utc: np.ndarray | None = None  # (N,)
+    source: str = ""
+    simulated: bool = False
+
+    def pings(
+        self,
+        limits: PositionLimits = PositionLimits(),
+        antenna_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        hydrophone_depth_m: float = 0.0,
+    ) -> tuple[Pings, ShipPositions]:
+        """Pings of the arrivals for which there is a position, and where the ship was at all of them.
+
+        Raises what `ship_at_receptions` raises.
+        """
+        ship = ship_at_receptions(self.fixes, self.arrival_s, limits, antenna_offset_m)
+        pings = pings_of_stream(
+            ship, self.number, hydrophone_depth_m, self.source, self.simulated, self.travel_time_s,
+            self.emission_s, self.utc,
+        )  # fmt: skip
+        return pings, ship
+
+
 def pings_of_stream(
     ship: ShipPositions,
     number: np.ndarray,
     hydrophone_depth_m: float = 0.0,
     source: str = "",
     simulated: bool = False,
+    travel_time_s: np.ndarray | None = None,
+    emission_s: np.ndarray | None = None,
+    utc: np.ndarray | None = None,
 ) -> Pings:
-    """Pings whose place is known, their instants of reception as times: whole intervals too long, so tell the interval.
+    """Pings whose place is known, each column (N,) in the order of `ship`.
 
-    number : (N,) of the arrivals, in the order of `ship`
+    travel_time_s : with any constant; None: the instants of reception, whole intervals too long, so tell the interval
+    emission_s : instants of emission; None: not known, so those of reception stand for them
+    utc : of reception, where it is known
     """
     keep = ship.accepted
     count = int(keep.sum())
+    travel, clock = (ship.time_s if one is None else one for one in (travel_time_s, emission_s))
     return Pings(
         number=np.asarray(number)[keep],
         lat_deg=ship.lat_deg[keep],
         lon_deg=ship.lon_deg[keep],
         up_m=np.full(count, -hydrophone_depth_m),
-        travel_time_s=ship.time_s[keep],
-        utc=np.full(count, np.datetime64("NaT", "ms")),
-        clock_s=ship.time_s[keep],
-        at_reception=True,
+        travel_time_s=travel[keep],
+        utc=np.full(count, np.datetime64("NaT", "ms")) if utc is None else utc[keep],
+        clock_s=clock[keep],
+        at_reception=emission_s is None,
         heading_rad=ship.heading_rad[keep],
         source=source,
         simulated=simulated,

@@ -16,7 +16,7 @@ from trackerlib.beacon.error_budget import error_budget
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.intervals import bootstrap_intervals, interval_words, profile_intervals
 from trackerlib.beacon.motion import MOTIONS
-from trackerlib.beacon.navigation import pings_of_stream, ship_at_receptions
+from trackerlib.beacon.navigation import Receptions
 from trackerlib.beacon.pairs import LEAST_EXPERIMENTS
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix, chi_square_words
@@ -192,7 +192,10 @@ def _from_stream(args: argparse.Namespace) -> tuple[Pings, dict[str, dict[str, i
     for path, records in ((args.pings, arrivals.bad_records), (args.navigation, bad)):
         for record in records:
             print(f"{path.name}, line {record.line}: {record.why}", file=sys.stderr)
-    ship = ship_at_receptions(fixes, arrivals.arrival_s, limits_of(args), args.antenna_offset_m)
+    receptions = Receptions(
+        arrivals.number, arrivals.arrival_s, fixes, source=args.pings.name, simulated=arrivals.simulated
+    )
+    pings, ship = receptions.pings(limits_of(args), args.antenna_offset_m, args.hydrophone_depth_m)
     refused = {"positions": dict(ship.fixes_refused), "arrivals": dict(ship.refused)}
     for what, counts in refused.items():
         for why, count in counts.items():
@@ -200,9 +203,6 @@ def _from_stream(args: argparse.Namespace) -> tuple[Pings, dict[str, dict[str, i
     if any(args.antenna_offset_m):
         for how, count in ship.turned:
             print(f"{count} arrivals: antenna offset turned by {how}", file=sys.stderr)
-    pings = pings_of_stream(
-        ship, arrivals.number, args.hydrophone_depth_m, args.pings.name, arrivals.simulated
-    )
     return pings, {"lines": _by_reason([*arrivals.bad_records, *bad])} | refused
 
 

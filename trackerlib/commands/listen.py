@@ -14,7 +14,7 @@ from trackerlib.beacon.navigation import ShipPositions, ship_at_receptions
 from trackerlib.beacon.pings import Pings
 from trackerlib.commands.position_limits import add_limits, limits_of
 from trackerlib.live.navigation_file import BeginUnknown, NavigationFile, outside_words, read_navigation_file
-from trackerlib.live.recorded_pings import followed_trace, placed_pings, utc_at
+from trackerlib.live.recorded_pings import followed_trace, receptions_of, utc_at
 from trackerlib.receiver.arrivals import Arrivals, joined
 from trackerlib.receiver.detectors import DETECTORS, hear
 from trackerlib.receiver.front_end import ATTENUATIONS_DB, Attenuator
@@ -196,15 +196,15 @@ def _placed(args, settings, recording, arrivals, navigation, ship, began_s, simu
     """Writes the pings that have a position; what `listen` answers of them."""
     path = args.pings or args.out.with_name(f"{args.out.stem}_pings.csv")
     trace = followed_trace(arrivals, settings.interval_s)
-    pings, at_pings = placed_pings(
+    receptions = receptions_of(
         trace,
         settings.interval_s,
         navigation.fixes,
-        limits=limits_of(args),
         began_s=began_s,
         source=args.recording.name,
         simulated=simulated,
     )
+    pings, at_pings = receptions.pings(limits_of(args))
     outside = outside_words(navigation.fixes, recording.seconds)
     for words in [outside] if outside else []:
         print(f"{args.navigation.name}: {words}", file=sys.stderr)

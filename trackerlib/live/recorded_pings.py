@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackerlib.beacon.navigation import NavigationFixes, PositionLimits, ShipPositions, ship_at_receptions
-from trackerlib.beacon.pings import Pings
+from trackerlib.beacon.navigation import NavigationFixes, Receptions
 from trackerlib.receiver.arrivals import Arrivals
 from trackerlib.receiver.following import PingFollower
 
@@ -29,37 +28,29 @@ def followed_trace(arrivals: Arrivals, interval_s: float, threshold: float = 0.0
     return Trace(emission, arrival_s, arrival_s - emission * interval_s)
 
 
-def placed_pings(
+def receptions_of(
     trace: Trace,
     interval_s: float,
     fixes: NavigationFixes,
     *,
-    limits: PositionLimits | None = None,
     began_s: float | None = None,
-    hydrophone_depth_m: float = 0.0,
     source: str = "",
     simulated: bool = False,
-) -> tuple[Pings, ShipPositions]:
-    """Pings of the arrivals for which there is a position, and where the ship was at all of them.
+) -> Receptions:
+    """The arrivals of a trace with the ship's positions beside them.
 
     fixes : by the clock of the stream; began_s : that clock's zero [s since 1970], None if it is not known
     """
-    ship = ship_at_receptions(fixes, trace.arrival_s, limits or PositionLimits())
-    keep = ship.accepted
-    count, arrival_s = int(keep.sum()), trace.arrival_s[keep]
-    unknown = np.full(count, np.datetime64("NaT", "ms"))
-    pings = Pings(
-        trace.emission[keep] + 1,
-        ship.lat_deg[keep],
-        ship.lon_deg[keep],
-        np.full(count, -hydrophone_depth_m),
-        trace.travel_s[keep],
-        unknown if began_s is None else utc_at(began_s, arrival_s),
-        clock_s=trace.emission[keep] * interval_s,
-        source=source,
-        simulated=simulated,
+    return Receptions(
+        trace.emission + 1,
+        trace.arrival_s,
+        fixes,
+        trace.travel_s,
+        trace.emission * interval_s,
+        None if began_s is None else utc_at(began_s, trace.arrival_s),
+        source,
+        simulated,
     )
-    return pings, ship
 
 
 def utc_at(began_s: float, time_s) -> np.ndarray:
