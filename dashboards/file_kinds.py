@@ -22,6 +22,8 @@ def kind_of(lines: list[str]) -> str:
         return "profile"
     if "oneway_s" in head or "msec." in head or "gps time" in head:
         return "survey"
+    if "arrival_s" in head:
+        return "arrivals"
     if "lat_deg" in head or any(SENTENCE.search(line) for line in lines):
         return "navigation"
     rows = [line.replace(",", " ").split() for line in lines[1:8] if not line.startswith("#")]

@@ -14,9 +14,10 @@ from trackerlib.textfiles import InputError
 WORDS = f"""
 Drop files here or choose them; at most {UPLOAD_LIMIT_MB} MB each. They stay on this machine.
 
-Survey logs (SIO, WHOI), pings (`lat_deg, lon_deg, oneway_s`) or a profile (`depth_m, speed_mps`) as CSV, T-files, array
-tables, VELOCITY.DAT, crossover files, OFFSETS.csv, logs of edited points, session files; recordings (WAV, RF64, FLAC),
-a ship's positions (NMEA 0183, or `utc, lat_deg, lon_deg` as CSV), and stored receiver sessions for the chart.
+Survey logs (SIO, WHOI), pings (`lat_deg, lon_deg, oneway_s`), arrivals (`arrival_s`) with a ship's positions beside
+them, or a profile (`depth_m, speed_mps`) as CSV, T-files, array tables, VELOCITY.DAT, crossover files, OFFSETS.csv,
+logs of edited points, session files; recordings (WAV, RF64, FLAC), a ship's positions (NMEA 0183, or CSV with `utc`
+or `time_s, lat_deg, lon_deg`), and stored receiver sessions for the chart.
 """
 PATH_WORDS = """
 Or type the path of a file on the machine that this program runs on: one of any size, or a **campaign** (JSON or TOML),

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 
 from dashboards.file_kinds import kind_of
 from dashboards.session_file import restore_session
+from trackerlib.beacon.navigation import Receptions
 from trackerlib.crossover.edits import PointEdits, parse_edits
 from trackerlib.crossover.gating import ready_sets
+from trackerlib.live.navigation_file import read_navigation_file
 from trackerlib.rangefiles.arrays import parse_arrays, read_arrays
 from trackerlib.rangefiles.campaign import Campaign, CampaignRun, parse_campaign, read_campaign
 from trackerlib.rangefiles.crossover_file import parse_crossover
@@ -21,6 +23,7 @@ from trackerlib.rangefiles.offsets_file import parse_offsets
 from trackerlib.rangefiles.tfile import TFileReading, parse_tfile
 from trackerlib.rangefiles.velocity_file import parse_velocity, read_velocity
 from trackerlib.surveyfiles.profile_csv import SIMULATED, parse_profile_csv
+from trackerlib.surveyfiles.stream_csv import Arrivals, read_arrivals
 from trackerlib.surveyfiles.survey import parse_survey
 from trackerlib.textfiles import InputError, decode_lines, map_bytes, read_bytes
 
@@ -48,9 +51,12 @@ class Opening:
         self._session = session
         self._folder: tempfile.TemporaryDirectory | None = None
         self._edits: dict[Path, PointEdits] = {}  # of the T-files of a campaign
+        self._arrivals: tuple[Arrivals, str] | None = None  # that positions are wanted for, and their name
+        self._positions: tuple[bytes, str] | None = None  # the ship's, as they were opened
         self._openers = {
             "session": lambda content, name: restore_session(session, content, name),
             "survey": self._survey,
+            "arrivals": self._open_arrivals,
             "profile": self._profile,
             "arrays": self._arrays,
             "tfile": self._tfile,
@@ -108,10 +114,15 @@ class Opening:
     # -- sound ---------------------------------------------------------------------------------
 
     def _sound(self, kind: str, kept: SoundFile) -> None:
+        self._arrivals = None  # positions opened from here on are for this
         self._session.say(f"{kept.name}: open in the tab Wet-paper chart")
         self._session.param.update(**{kind: kept})
 
     def _navigation(self, content: bytes, name: str) -> None:
+        self._positions = (content, name)
+        if self._arrivals is not None:
+            self._place_arrivals()
+            return
         self._session.say(f"{name}: the ship's positions, for the tab Wet-paper chart")
         self._session.navigation_file = SoundFile(name, self._kept(name, content))
 
@@ -138,12 +149,40 @@ class Opening:
         reading = parse_survey(
             decode_lines(content, name), name, hydrophone_depth_m=settings.hydrophone_depth_m
         )
+        self._arrivals = None
         profile = settings.profile
         if profile is not None and SIMULATED in profile.notes and not reading.pings.simulated:
             profile = None  # the demo's water is not that of a real survey
         settings = replace(settings, profile=profile, left_out=frozenset(), start=None)
         session.begin_hunt(fix_settings=settings, pings=reading.pings, heard=len(reading.pings), listening="")
         self._told(name, f"{len(reading.pings)} pings ({reading.layout})", reading.bad_records, reading.notes)
+
+    def _open_arrivals(self, content: bytes, name: str) -> None:
+        """Instants of arrival, which become pings once the ship's positions are open beside them."""
+        self._arrivals = read_arrivals(decode_lines(content, name), name), name
+        if self._positions is not None:
+            self._place_arrivals()
+            return
+        self._session.say(
+            f"{name}: {len(self._arrivals[0].arrival_s)} arrivals; now open the ship's positions by the same clock "
+            "(CSV with time_s or utc, lat_deg, lon_deg, or NMEA 0183)"
+        )
+
+    def _place_arrivals(self) -> None:
+        """Begins a hunt with the arrivals and the positions beside them."""
+        session = self._session
+        (arrivals, name), (content, positions_name) = self._arrivals, self._positions
+        positions = read_navigation_file(decode_lines(content, positions_name), positions_name, 0.0)
+        receptions = Receptions(
+            arrivals.number, arrivals.arrival_s, positions.fixes, source=name,
+            simulated=arrivals.simulated or positions.simulated,
+        )  # fmt: skip
+        words = f"{name}: {len(arrivals.arrival_s)} arrivals, {len(positions.fixes.time_s)} positions"
+        if bad := (*arrivals.bad_records, *positions.bad_records):
+            words += f"; {len(bad)} bad lines, the first is line {bad[0].line}: {bad[0].why}"
+        if session.fix_settings.interval_s is None:
+            words += "; tell the interval of the pinger, under Times: arrivals are known up to whole intervals only"
+        session.take_receptions(receptions, words)
 
     def _profile(self, content: bytes, name: str) -> None:
         session = self._session

@@ -16,6 +16,7 @@ from dashboards.session_file import session_json
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.live_survey import LiveSurvey
+from trackerlib.beacon.navigation import PositionLimits, Receptions, ShipPositions
 from trackerlib.beacon.pings import PingLog, Pings
 from trackerlib.beacon.result import BeaconFix, blank_fix
 from trackerlib.beacon.settings import FixSettings
@@ -67,6 +68,16 @@ class Session(param.Parameterized):
     fix = param.ClassSelector(class_=BeaconFix, allow_None=True, doc="of the pings heard so far")
     truth = param.Dict(default=None, allow_None=True, doc="known or published place of the beacon, if any")
     reasons = param.Dict(default={}, doc="why pings were left out by hand, by their number")
+    receptions = param.ClassSelector(
+        class_=Receptions,
+        allow_None=True,
+        doc="what the pings are made of; None where they came with positions",
+    )
+    placed = param.ClassSelector(class_=ShipPositions, allow_None=True, doc="where the ship was at each")
+    position_limits = param.ClassSelector(class_=PositionLimits, default=PositionLimits())
+    antenna_offset_m = param.Tuple(
+        default=(0.0, 0.0, 0.0), doc="antenna to hydrophone: forward, starboard, down"
+    )
     opened = param.Integer(default=0, doc="raised by one for every survey opened or hunt begun")
     bearing_lines = param.ClassSelector(
         class_=tuple, default=(), doc="closest approaches read off the chart, for the map"
@@ -108,6 +119,7 @@ class Session(param.Parameterized):
         self._queue, self._log = PingQueue(), PingLog()
         self._live_survey: LiveSurvey | None = None
         self._live_of: tuple = ()  # what the live estimator was begun for
+        self._placed_by: tuple = ()  # limits, offset and depth by which the pings were made
 
     # -- messages ------------------------------------------------------------------------------
 
@@ -272,8 +284,9 @@ class Session(param.Parameterized):
         """Other pings, or none yet: what belonged to the last hunt goes."""
         self.forget_edits()
         self.param.update(
-            playing=False, truth=None, fix=None, reasons={}, bearing_lines=(), opened=self.opened + 1, **state
-        )
+            playing=False, truth=None, fix=None, reasons={}, bearing_lines=(), receptions=None, placed=None,
+            opened=self.opened + 1, **state,
+        )  # fmt: skip
 
     def take_pings(self, pings: Pings, words: str, truth: dict | None = None) -> None:
         """Begins a hunt with pings that another tab found."""
@@ -282,6 +295,30 @@ class Session(param.Parameterized):
         self.begin_hunt(fix_settings=settings, pings=pings, heard=len(pings), listening="")
         self.param.update(truth=truth, bearing_lines=lines)
         self.say(words)
+
+    def take_receptions(self, receptions: Receptions, words: str, truth: dict | None = None) -> None:
+        """Begins a hunt with pings made of arrivals and positions; raises ValueError as `Receptions.pings` does."""
+        pings, placed = self._place(receptions)
+        self.take_pings(pings, "; ".join([words, *placed.words]), truth)
+        self.param.update(receptions=receptions, placed=placed)
+
+    def _place(self, receptions: Receptions) -> tuple[Pings, ShipPositions]:
+        self._placed_by = self._placing
+        return receptions.pings(*self._placing)
+
+    @property
+    def _placing(self) -> tuple[PositionLimits, tuple, float]:
+        return self.position_limits, self.antenna_offset_m, self.fix_settings.hydrophone_depth_m
+
+    @param.depends("position_limits", "antenna_offset_m", "fix_settings", watch=True)
+    def _place_again(self) -> None:
+        """Other limits, another offset or depth: the pings are made afresh."""
+        if self.receptions is None or self._placing == self._placed_by:
+            return
+        pings, placed = self._place(self.receptions)
+        heard = len(pings) if self.heard >= len(self.pings) else min(self.heard, len(pings))
+        self.param.update(pings=pings, placed=placed, heard=heard)
+        self.say("; ".join([f"{len(pings)} of {len(placed.time_s)} arrivals have a position", *placed.words]))
 
     # -- live pings ----------------------------------------------------------------------------
 
@@ -315,7 +352,7 @@ class Session(param.Parameterized):
         """The live estimator told of every ping that it has not heard yet, off the event loop."""
         heard, settings = self.pings.only(slice(0, self.heard)), self.fix_settings
         count = self._log.count if self.listening else self.heard
-        begun_for = (self.opened, settings)
+        begun_for = (self.opened, settings, self.placed)
 
         def work(progress):
             survey = self._live_survey

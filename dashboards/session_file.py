@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING
 
 import param
@@ -37,6 +37,8 @@ def session_json(session: Session) -> str:
         },
         **{name: getattr(session, name) for name in SAVED},
         "fix_settings": settings,
+        "position_limits": asdict(session.position_limits),
+        "antenna_offset_m": session.antenna_offset_m,
         "left_out": {str(n): session.reasons.get(n, "") for n in sorted(session.fix_settings.left_out)},
         "chosen_set": None if chosen is None else [*chosen.pair, chosen.pass_number],
         "point_edits": edits_csv(session.edits),
@@ -54,11 +56,15 @@ def restore_session(session: Session, content: bytes, name: str) -> None:
         told = {key: tuple(value) if isinstance(value, list) else value for key, value in told.items()}
         reasons = {int(number): str(why) for number, why in document.get("left_out", {}).items()}
         settings = replace(session.fix_settings, **told, left_out=frozenset(reasons))
+        limits = replace(session.position_limits, **document.get("position_limits", {}))
+        forward, starboard, down = map(float, document.get("antenna_offset_m", session.antenna_offset_m))
         with param.parameterized.discard_events(session):
             session.param.update(**kept)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(f"{name}: not a session file of this program ({error})") from None
-    session.param.update(fix_settings=settings, reasons=reasons)
+    session.param.update(
+        fix_settings=settings, reasons=reasons, position_limits=limits, antenna_offset_m=(forward, starboard, down)
+    )  # fmt: skip
     session.gate()
     if "point_edits" in document:
         session.edits = parse_edits(document["point_edits"].splitlines(), name)[0]

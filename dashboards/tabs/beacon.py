@@ -16,6 +16,7 @@ from dashboards.tabs.beacon_edits import Edits
 from dashboards.tabs.beacon_files import FixFiles
 from dashboards.tabs.beacon_models import SideBySide
 from dashboards.tabs.beacon_plan import NextLeg
+from dashboards.tabs.beacon_positions import PositionControls
 from dashboards.tabs.beacon_settings import FixControls
 from dashboards.tabs.beacon_words import log_table, position_texts, sentence, table
 from dashboards.tabs.tab import FOLDED, Tab, alone, choice
@@ -35,7 +36,7 @@ class BeaconTab(Tab):
     title = "Beacon fix"
     watches = (
         "opened", "pings", "fix", "fix_settings", "live", "truth", "heard", "playing", "reasons", "bearing_lines",
-        "listening", "pointed",
+        "listening", "pointed", "placed", "position_limits", "antenna_offset_m",
     )  # fmt: skip
 
     def __init__(self, session=None, **params):
@@ -45,6 +46,7 @@ class BeaconTab(Tab):
         self.residuals = Residuals(self.map.pings, self.map.colour)
         self.history, self.contours, self.iterations = DepthHistory(), Contours(), Iterations()
         self.settings = FixControls(session)
+        self.positions = PositionControls(session)
         self.edits = Edits(session, self._selected)
         self.leg = NextLeg(session, self.map)
         self.files = FixFiles(session)
@@ -139,6 +141,7 @@ class BeaconTab(Tab):
             "Sound and ship": [
                 settings.correlation, settings.speed_sigma, settings.fit_speed, settings.hydrophone, *settings.antenna,
             ],
+            "Ship's positions": self.positions.controls(),
             "Times": [
                 settings.reject, settings.emission, settings.sample, settings.interval, settings.fit_interval,
                 settings.fit_drift,
@@ -205,6 +208,7 @@ class BeaconTab(Tab):
     def _show_controls(self) -> None:
         session = self.session
         self.settings.show()
+        self.positions.show()
         self.edits.show()
         count = 0 if session.pings is None else len(session.pings)
         self.heard.param.update(end=max(count, 1), value=session.heard, disabled=bool(session.listening))
@@ -328,6 +332,8 @@ class BeaconTab(Tab):
             return None
         answer = {"survey": self.session.pings.source, **document(fix)}
         answer["left_out_by_hand"] = {str(k): why for k, why in sorted(self.session.reasons.items())}
+        if (placed := self.session.placed) is not None:
+            answer["refused"] = {"positions": dict(placed.fixes_refused), "arrivals": dict(placed.refused)}
         return "beacon-fix.json", json.dumps(answer, indent=1)
 
 

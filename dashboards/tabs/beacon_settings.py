@@ -9,6 +9,7 @@ import panel_material_ui as pmui
 from dashboards.session import Session
 from dashboards.tabs.tab import choice, number
 from trackerlib.beacon.motion import MOTIONS
+from trackerlib.beacon.navigation import PositionLimits
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
 from trackerlib.textfiles import InputError
 
@@ -106,7 +107,7 @@ class FixControls:
         self.hydrophone = number(
             "Hydrophone depth (m)",
             settings.hydrophone_depth_m,
-            "For surveys that do not say; used when a file is opened",
+            "For surveys that do not say, used when a file is opened; of arrivals beside positions at any time",
         )
         self.sample = optional(
             "Step of times (ms)",
@@ -217,7 +218,12 @@ class FixControls:
         """Every setting as at the start; what was left out by hand stays so."""
         kept = {"profile": self._profile, "left_out": self.session.fix_settings.left_out}
         defaults = {field.name: field.default for field in fields(FixSettings)}
-        self.session.edit(live=False, fix_settings=FixSettings(**(defaults | kept)))
+        self.session.edit(
+            live=False,
+            fix_settings=FixSettings(**(defaults | kept)),
+            position_limits=PositionLimits(),
+            antenna_offset_m=(0.0, 0.0, 0.0),
+        )
 
 
 def check(label: str, value: bool = False):

@@ -111,7 +111,9 @@ class Inputs:
             roll = self._rolls.get(RECORDING)
             if roll is not None:
                 roll.fixes, roll.simulated = sound.fixes, sound.simulated
-            sound.position_notes = position_notes(navigation, name, roll, self.threshold)
+            sound.position_notes = position_notes(
+                navigation, name, roll, self.threshold, self.session.position_limits
+            )
             if self.kind == RECORDING:
                 self._redraw()
             self.session.say("; ".join(sound.position_notes))

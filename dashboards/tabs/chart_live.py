@@ -294,6 +294,8 @@ class LiveReceiver:
         ship = ship_at_receptions(
             NavigationFixes(*(c[near] for c in (fixes.time_s, fixes.lat_deg, fixes.lon_deg, fixes.hdop))),
             times,
+            self.session.position_limits,
+            self.session.antenna_offset_m,
         )
         still = []
         for k, ping in enumerate(following.waiting):

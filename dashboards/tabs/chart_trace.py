@@ -9,7 +9,7 @@ import panel as pn
 
 from dashboards.tabs.chart_controls import RECEIVER, SIMULATION
 from dashboards.tabs.chart_sources import SimulatedHuntSound
-from trackerlib.live.recorded_pings import Trace, followed_trace, placed_pings
+from trackerlib.live.recorded_pings import Trace, followed_trace, receptions_of
 from trackerlib.receiver.hyperbola import Marks
 from trackerlib.receiver.rolls import PingRoll
 from trackerlib.textfiles import InputError
@@ -81,23 +81,24 @@ class TraceActions:
             )
         settings = self._known_settings()
         trace = self._marked_trace() if self.marks.marks else self._followed_trace()
-        pings, ship = placed_pings(
+        receptions = receptions_of(
             trace, self.settings.interval_s, self.roll.fixes,
             began_s=None if self.sound is None else self.sound.began_s,
-            hydrophone_depth_m=settings.hydrophone_depth_m, source=self.roll.source, simulated=self.roll.simulated,
+            source=self.roll.source, simulated=self.roll.simulated,
         )  # fmt: skip
-        refused = "".join(f"; {count} refused: {why}" for why, count in ship.refused)
-        if len(pings) < 3:
+        _, ship = receptions.pings(self.session.position_limits, self.session.antenna_offset_m)
+        if ship.accepted.sum() < 3:
+            refused = "".join(f"; {words}" for words in ship.words)
             raise InputError(
                 f"where the ship was is not known for three of these arrivals, so they cannot make a fix{refused}"
             )
-        self._accepted[self.kind] = (pings.number, ship.time_s[ship.accepted])
+        self._accepted[self.kind] = (receptions.number, receptions.arrival_s)
         with pn.io.hold():
             if settings is not self.session.fix_settings:
                 self.session.fix_settings = settings
-            self.session.take_pings(
-                pings,
-                f"{len(pings)} arrivals of {self.roll.source} are the pings of the tab Beacon fix{refused}",
+            self.session.take_receptions(
+                receptions,
+                f"{int(ship.accepted.sum())} arrivals of {self.roll.source} are the pings of the tab Beacon fix",
                 self.sound.truth if self.sound is not None else None,
             )
 

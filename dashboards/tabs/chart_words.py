@@ -8,7 +8,7 @@ import numpy as np
 
 from dashboards.pictures.bearing_layer import distance_text
 from trackerlib.beacon.bearing_lines import BearingFix
-from trackerlib.beacon.navigation import ship_at_receptions
+from trackerlib.beacon.navigation import PositionLimits, ship_at_receptions
 from trackerlib.frames import degrees_minutes
 from trackerlib.live.deck_pings import RangePlacer
 from trackerlib.live.navigation_feed import FeedStatus
@@ -39,7 +39,9 @@ def paper_words(roll: Roll, settings: ChartSettings, shown: int, missed: int, th
     return f"{text} {loud} arrivals above the threshold; {missed} of the lines kept have none."
 
 
-def position_notes(navigation: NavigationFile, name: str, roll: Roll | None, threshold: float) -> list[str]:
+def position_notes(
+    navigation: NavigationFile, name: str, roll: Roll | None, threshold: float, limits: PositionLimits
+) -> list[str]:
     """What the positions beside a recording are worth: how many, at how many arrivals, and what was refused."""
     fixes = navigation.fixes
     simulated = "SIMULATED " if navigation.simulated else ""
@@ -55,7 +57,7 @@ def position_notes(navigation: NavigationFile, name: str, roll: Roll | None, thr
     if outside:
         return [*notes, outside]
     loud = roll.arrivals.arrival_s[roll.arrivals.level >= threshold]
-    ship = ship_at_receptions(fixes, loud)
+    ship = ship_at_receptions(fixes, loud, limits)
     notes.append(f"{int(ship.accepted.sum())} of {len(loud)} arrivals above the threshold have a position")
     notes += [f"{count} arrivals refused: {why}" for why, count in ship.refused]
     return notes + [f"{count} positions refused: {why}" for why, count in ship.fixes_refused]

@@ -96,6 +96,18 @@ class ShipPositions:
         """What the antenna offset was turned by, or that it was not applied, and at how many receptions."""
         return _counted(TURNED_BY, self.turned_by[self.accepted])
 
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Every refusal counted, and what an antenna offset was turned by, a sentence each."""
+        told = [f"{count} positions refused: {why}" for why, count in self.fixes_refused]
+        told += [f"{count} arrivals refused: {why}" for why, count in self.refused]
+        told += [
+            f"{count} arrivals: antenna offset turned by {how}"
+            for how, count in self.turned
+            if how in TURNED_BY[1:]
+        ]
+        return tuple(told)
+
 
 def ship_at_receptions(
     fixes: NavigationFixes,

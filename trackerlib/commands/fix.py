@@ -197,12 +197,8 @@ def _from_stream(args: argparse.Namespace) -> tuple[Pings, dict[str, dict[str, i
     )
     pings, ship = receptions.pings(limits_of(args), args.antenna_offset_m, args.hydrophone_depth_m)
     refused = {"positions": dict(ship.fixes_refused), "arrivals": dict(ship.refused)}
-    for what, counts in refused.items():
-        for why, count in counts.items():
-            print(f"{count} {what} refused: {why}", file=sys.stderr)
-    if any(args.antenna_offset_m):
-        for how, count in ship.turned:
-            print(f"{count} arrivals: antenna offset turned by {how}", file=sys.stderr)
+    for sentence in ship.words:
+        print(sentence, file=sys.stderr)
     return pings, {"lines": _by_reason([*arrivals.bad_records, *bad])} | refused
 
 

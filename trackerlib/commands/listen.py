@@ -208,9 +208,8 @@ def _placed(args, settings, recording, arrivals, navigation, ship, began_s, simu
     outside = outside_words(navigation.fixes, recording.seconds)
     for words in [outside] if outside else []:
         print(f"{args.navigation.name}: {words}", file=sys.stderr)
-    for what, counts in (("positions", ship.fixes_refused), ("arrivals", ship.refused)):
-        for why, count in counts:
-            print(f"{count} {what} refused: {why}", file=sys.stderr)
+    for sentence in ship.words:
+        print(sentence, file=sys.stderr)
     write_text(path, pings_text(pings))
     return {
         "simulated": simulated,

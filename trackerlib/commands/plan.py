@@ -67,9 +67,9 @@ def run(args: argparse.Namespace) -> dict:
         write_route(plan, fix, args.route)
     if args.map is not None:
         reach = map_reach(plan, args.budget_s, args.ship_speed_mps)
-        grid = accuracy_map(surveys, reach, args.ship_speed_mps)
+        east, north, expected = accuracy_map(surveys, reach, args.ship_speed_mps)
         record = FixRecord(fix, pings, settings)
-        write_text(args.map, accuracy_csv(record, *grid, args.ship_speed_mps))
+        write_text(args.map, accuracy_csv(record, east, north, expected, args.ship_speed_mps))
     return {
         "converged": fix.converged,
         "reason": fix.reason,
