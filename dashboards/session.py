@@ -283,24 +283,25 @@ class Session(param.Parameterized):
     def begin_hunt(self, **state) -> None:
         """Other pings, or none yet: what belonged to the last hunt goes."""
         self.forget_edits()
+        made_of = {"receptions": None, "placed": None}
         self.param.update(
-            playing=False, truth=None, fix=None, reasons={}, bearing_lines=(), receptions=None, placed=None,
-            opened=self.opened + 1, **state,
+            playing=False, truth=None, fix=None, reasons={}, bearing_lines=(), opened=self.opened + 1,
+            **(made_of | state),
         )  # fmt: skip
 
-    def take_pings(self, pings: Pings, words: str, truth: dict | None = None) -> None:
+    def take_pings(self, pings: Pings, words: str, truth: dict | None = None, **made_of) -> None:
         """Begins a hunt with pings that another tab found."""
         settings = replace(self.fix_settings, left_out=frozenset(), start=None)
         lines = self.bearing_lines
-        self.begin_hunt(fix_settings=settings, pings=pings, heard=len(pings), listening="")
+        self.begin_hunt(fix_settings=settings, pings=pings, heard=len(pings), listening="", **made_of)
         self.param.update(truth=truth, bearing_lines=lines)
         self.say(words)
 
     def take_receptions(self, receptions: Receptions, words: str, truth: dict | None = None) -> None:
         """Begins a hunt with pings made of arrivals and positions; raises ValueError as `Receptions.pings` does."""
         pings, placed = self._place(receptions)
-        self.take_pings(pings, "; ".join([words, *placed.words]), truth)
-        self.param.update(receptions=receptions, placed=placed)
+        words = "; ".join([words, *placed.words])
+        self.take_pings(pings, words, truth, receptions=receptions, placed=placed)
 
     def _place(self, receptions: Receptions) -> tuple[Pings, ShipPositions]:
         self._placed_by = self._placing
@@ -317,7 +318,7 @@ class Session(param.Parameterized):
             return
         pings, placed = self._place(self.receptions)
         heard = len(pings) if self.heard >= len(self.pings) else min(self.heard, len(pings))
-        self.param.update(pings=pings, placed=placed, heard=heard)
+        self.param.update(pings=pings, placed=placed, heard=heard, fix=None)
         self.say("; ".join([f"{len(pings)} of {len(placed.time_s)} arrivals have a position", *placed.words]))
 
     # -- live pings ----------------------------------------------------------------------------
@@ -388,10 +389,11 @@ class Session(param.Parameterized):
         self._start_fix(lambda progress: fix_beacon(heard, settings))
 
     def _start_fix(self, work) -> None:
-        opened = self.opened
+        opened, placed = self.opened, self.placed
 
         def done(fix):
-            if self.opened == opened:  # another survey may be open by now
+            # Another survey may be open by now, or the pings of this one made afresh.
+            if self.opened == opened and self.placed is placed:
                 self.fix = fix
 
         self.jobs.start("fix", work, done)

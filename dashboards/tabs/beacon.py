@@ -14,6 +14,7 @@ from dashboards.pictures.beacon_strips import Contours, DepthHistory, Iterations
 from dashboards.session import SPEEDS
 from dashboards.tabs.beacon_edits import Edits
 from dashboards.tabs.beacon_files import FixFiles
+from dashboards.tabs.beacon_intervals import IntervalControls
 from dashboards.tabs.beacon_models import SideBySide
 from dashboards.tabs.beacon_plan import NextLeg
 from dashboards.tabs.beacon_positions import PositionControls
@@ -24,7 +25,8 @@ from trackerlib.beacon.diagnosis import free_coordinates, influence, misfit_surf
 from trackerlib.beacon.error_budget import error_budget
 from trackerlib.beacon.fix import fix_history
 from trackerlib.beacon.result import BeaconFix
-from trackerlib.commands.fix_document import document
+from trackerlib.commands import plain
+from trackerlib.commands.fix_document import document, interval_document
 
 HISTORY_FIXES = 20  # fixes that "Fix history" spreads over the survey
 BESIDE = ("History", "Contours", "Iterations", "Estimators")  # what may stand beside the residuals
@@ -49,7 +51,8 @@ class BeaconTab(Tab):
         self.positions = PositionControls(session)
         self.edits = Edits(session, self._selected)
         self.leg = NextLeg(session, self.map)
-        self.files = FixFiles(session)
+        self.intervals = IntervalControls(session)
+        self.files = FixFiles(session, self.intervals)
         self.models = SideBySide(session, self.map, lambda: self.beside.param.update(value="Estimators"))
         self._make_replay()
         self._make_beside()
@@ -148,6 +151,7 @@ class BeaconTab(Tab):
             ],
             "Search region": [settings.max_range, settings.max_depth, settings.max_speed, self._defaults()],
             "The thesis's experiments": [settings.experiments, settings.spacing, settings.step],
+            "Intervals": [self.intervals.way, self.intervals.button],
             "Next leg": [self.leg.budget, self.leg.ship_speed, self.leg.save],
             "Files": [self.files.layout, self.files.button],
         }  # fmt: skip
@@ -171,7 +175,9 @@ class BeaconTab(Tab):
             ("How the fix came about", self.log), margin=(4, 4), sizing_mode="stretch_width", sx=FOLDED
         )
         copies = pn.FlexBox(*self.copies.values(), margin=(4, 8))
-        return pn.Column(self.sentence, self.leg.words, self.numbers, copies, how, margin=0)
+        return pn.Column(
+            self.sentence, self.leg.words, self.intervals.words, self.numbers, copies, how, margin=0
+        )
 
     # -- what is shown -------------------------------------------------------------------------
 
@@ -201,6 +207,7 @@ class BeaconTab(Tab):
         self.map.show_survey(session.pings, session.truth)
         self.history.show([])
         self.leg.clear()
+        self.intervals.clear()
         self.models.clear()
         if session.pings is not None and not session.listening and session.heard >= len(session.pings):
             self._compute_history()
@@ -235,6 +242,7 @@ class BeaconTab(Tab):
             if session.listening:
                 self.map.keep_ship_in_sight(session.pings)
         self.leg.clear()
+        self.intervals.clear()
         self.models.clear()
         self._show_beside()
         self.sentence.object = sentence(fix)
@@ -332,9 +340,11 @@ class BeaconTab(Tab):
             return None
         answer = {"survey": self.session.pings.source, **document(fix)}
         answer["left_out_by_hand"] = {str(k): why for k, why in sorted(self.session.reasons.items())}
+        if (intervals := self.intervals.found) is not None:
+            answer["interval95_m"] = interval_document(intervals)
         if (placed := self.session.placed) is not None:
             answer["refused"] = {"positions": dict(placed.fixes_refused), "arrivals": dict(placed.refused)}
-        return "beacon-fix.json", json.dumps(answer, indent=1)
+        return "beacon-fix.json", json.dumps(plain(answer), indent=1)
 
 
 def _fill(figure):

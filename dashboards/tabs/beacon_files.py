@@ -9,6 +9,7 @@ from pathlib import Path
 import panel_material_ui as pmui
 
 from dashboards.session import Session
+from dashboards.tabs.beacon_intervals import IntervalControls
 from dashboards.tabs.tab import choice
 from trackerlib.exports.export import LAYOUTS, export_fix
 
@@ -26,8 +27,8 @@ NAMES = {
 class FixFiles:
     """Which layout, and the button that saves it."""
 
-    def __init__(self, session: Session):
-        self.session = session
+    def __init__(self, session: Session, intervals: IntervalControls):
+        self.session, self.intervals = session, intervals
         self.layout = choice("Export as", NAMES, "gpx-1.1")
         self.layout.param.watch(lambda event: self._name(), "value")
         self.button = pmui.FileDownload(
@@ -51,5 +52,6 @@ class FixFiles:
                     pings=heard,
                     settings=session.fix_settings,
                     reasons=session.reasons,
+                    intervals=self.intervals.found,
                 )
             return io.BytesIO(path.read_bytes() if path.exists() else b"")

@@ -6,6 +6,7 @@ tell (slow errors of the ship, the antenna, a speed of sound that is not fitted)
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,12 +19,14 @@ from trackerlib.beacon.motion import Motion
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
+from trackerlib.rounding import decimals_for
 
 PLACE = COORDINATES[:3]  # east, north, depth
 STEP = 0.25  # of the interval's quadratic half-width, by which a profile is followed
 FARTHEST = 12.0  # such half-widths after which an interval counts as open
 NOTED = 0.2  # share by which an interval must differ from the ellipse's for a warning
 BATCH = 40  # bootstrap samples fitted side by side
+Progress = Callable[[float, str], object]  # told the share done and in words; what it raises ends the work
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,19 @@ class Interval:
 
     low_m: float  # -inf where it is open
     high_m: float
+
+    def __str__(self) -> str:
+        sides = [self.low_m, self.high_m]
+        decimals = decimals_for((self.high_m - self.low_m) / 4) if np.isfinite(sides).all() else 1
+        low, high = (
+            f"{round(side, decimals):.{max(decimals, 0)}f} m" if np.isfinite(side) else "open"
+            for side in sides
+        )
+        return f"{low} to {high}"
+
+
+def _untold(share: float, text: str) -> None:
+    """Progress that nobody follows."""
 
 
 def profile_likelihood(
@@ -93,7 +109,12 @@ def _follow(problem, state, weight, way, others, half, wanted) -> np.ndarray:
 
 
 def bootstrap_positions(
-    pings: Pings, fix: BeaconFix, settings: FixSettings, samples: int = 400, seed: int = 0
+    pings: Pings,
+    fix: BeaconFix,
+    settings: FixSettings,
+    samples: int = 400,
+    seed: int = 0,
+    progress: Progress = _untold,
 ) -> np.ndarray:
     """Positions (samples, 3) [m] at the first ping, refitted to the residuals in another order.
 
@@ -112,6 +133,7 @@ def bootstrap_positions(
     rng = np.random.default_rng(seed)
     found = []
     for done in range(0, samples, BATCH):
+        progress(done / samples, f"sample {done} of {samples}")
         size = min(BATCH, samples - done)
         first = rng.integers(0, count, (size, -(-count // block), 1))
         rows = ((first + np.arange(block)) % count).reshape(size, -1)[:, :count]
@@ -129,18 +151,29 @@ def bootstrap_positions(
 
 
 def bootstrap_intervals(
-    pings: Pings, fix: BeaconFix, settings: FixSettings, samples: int = 400, seed: int = 0
+    pings: Pings,
+    fix: BeaconFix,
+    settings: FixSettings,
+    samples: int = 400,
+    seed: int = 0,
+    progress: Progress = _untold,
 ) -> dict[str, Interval]:
     """95 % intervals of all PLACE by `bootstrap_positions`; raises what it raises."""
-    moved = bootstrap_positions(pings, fix, settings, samples, seed) - fix.position
+    moved = bootstrap_positions(pings, fix, settings, samples, seed, progress) - fix.position
     moved[:, 2] *= -1
     low, high = np.quantile(moved, [0.025, 0.975], axis=0)
     return {name: _interval(fix, name, -low[k], high[k]) for k, name in enumerate(PLACE)}
 
 
-def profile_intervals(pings: Pings, fix: BeaconFix, settings: FixSettings) -> dict[str, Interval]:
+def profile_intervals(
+    pings: Pings, fix: BeaconFix, settings: FixSettings, progress: Progress = _untold
+) -> dict[str, Interval]:
     """95 % intervals of all PLACE by `profile_likelihood`; raises what it raises."""
-    return {name: profile_likelihood(pings, fix, settings, name) for name in PLACE}
+    intervals = {}
+    for k, name in enumerate(PLACE):
+        progress(k / len(PLACE), name)
+        intervals[name] = profile_likelihood(pings, fix, settings, name)
+    return intervals
 
 
 def interval_words(fix: BeaconFix, intervals: dict[str, Interval]) -> str | None:

@@ -14,14 +14,14 @@ import numpy as np
 from trackerlib.beacon.choice import compare_models, usual_models, verdict
 from trackerlib.beacon.error_budget import error_budget
 from trackerlib.beacon.fix import fix_beacon
-from trackerlib.beacon.intervals import bootstrap_intervals, interval_words, profile_intervals
+from trackerlib.beacon.intervals import Interval, bootstrap_intervals, interval_words, profile_intervals
 from trackerlib.beacon.motion import MOTIONS
 from trackerlib.beacon.navigation import Receptions
 from trackerlib.beacon.pairs import LEAST_EXPERIMENTS
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix, chi_square_words
 from trackerlib.beacon.settings import METHODS, FixSettings
-from trackerlib.commands.fix_document import document, steadiest_words, step_document
+from trackerlib.commands.fix_document import document, interval_document, steadiest_words, step_document
 from trackerlib.commands.position_limits import add_limits, limits_of
 from trackerlib.exports.export import SUFFIXES, export_fix
 from trackerlib.rounding import value_with_sigma
@@ -248,11 +248,13 @@ def run(args: argparse.Namespace) -> dict:
     """The answer of `fix` as a document for JSON."""
     pings, settings, refused = read_and_count(args)
     fix = fix_beacon(pings, settings)
+    intervals, warnings = _intervals(pings, fix, settings, args.intervals)
     for path in args.export:
         layout = f"gpx-{args.gpx_version}" if path.suffix.lower() == ".gpx" else None
-        export_fix(fix, path, layout, pings=pings, settings=settings)
-    answer = document(fix) | {"refused": refused}
-    answer |= _intervals(pings, fix, settings, args.intervals)
+        export_fix(fix, path, layout, pings=pings, settings=settings, intervals=intervals)
+    answer = document(fix) | {"refused": refused, "warnings": warnings}
+    if args.intervals is not None:
+        answer["interval95_m"] = intervals and interval_document(intervals)
     if args.log:
         answer["log"] = [step_document(step) for step in fix.log]
     if args.compare:
@@ -280,20 +282,18 @@ def _comparison(pings: Pings, settings: FixSettings) -> dict:
     return {"models": models, "verdict": verdict(scores)}
 
 
-def _intervals(pings: Pings, fix: BeaconFix, settings: FixSettings, how: str | None) -> dict:
+def _intervals(
+    pings: Pings, fix: BeaconFix, settings: FixSettings, how: str | None
+) -> tuple[dict[str, Interval] | None, list[str]]:
     """The 95 % intervals asked for, and a warning where the ellipse is not enough."""
-    answer: dict = {"warnings": []} if how is None else {"warnings": [], "interval95_m": None}
     if not fix.converged or settings.method != "all-pings":
-        return answer
+        return None, []
     profile = profile_intervals(pings, fix, settings)
-    if sentence := interval_words(fix, profile):
-        answer["warnings"].append(sentence)
-    if how is not None:
-        chosen = profile if how == "profile" else bootstrap_intervals(pings, fix, settings)
-        answer["interval95_m"] = {
-            name: [interval.low_m, interval.high_m] for name, interval in chosen.items()
-        }
-    return answer
+    sentence = interval_words(fix, profile)
+    warnings = [] if sentence is None else [sentence]
+    if how is None:
+        return None, warnings
+    return profile if how == "profile" else bootstrap_intervals(pings, fix, settings), warnings
 
 
 def report(answer: dict) -> str:

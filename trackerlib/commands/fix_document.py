@@ -7,6 +7,7 @@ from dataclasses import asdict
 import numpy as np
 
 from trackerlib.beacon.convergence import Step
+from trackerlib.beacon.intervals import Interval
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.uncertainty import ellipse95
 
@@ -72,6 +73,11 @@ def step_document(step: Step) -> dict:
         "pings": step.pings,
         "words": str(step),
     }
+
+
+def interval_document(intervals: dict[str, Interval]) -> dict[str, list[float]]:
+    """Lowest and highest of each coordinate [m], infinite where an interval is open."""
+    return {name: [interval.low_m, interval.high_m] for name, interval in intervals.items()}
 
 
 def _emission(fix: BeaconFix) -> dict:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from trackerlib.beacon.intervals import Interval
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
@@ -47,6 +48,7 @@ def export_fix(
     pings: Pings | None = None,
     settings: FixSettings | None = None,
     reasons: dict[int, str] | None = None,
+    intervals: dict[str, Interval] | None = None,
 ) -> None:
     """Writes a fix, refused or not, in the layout that the suffix of `path` says; whole or not at all.
 
@@ -54,11 +56,12 @@ def export_fix(
     pings : what the fix was made from; without them a file has no times
     settings : what the fix was made with, for the HTML report
     reasons : why pings were left out by hand, by their number, for the CSV and the HTML report
+    intervals : of `profile_intervals` or `bootstrap_intervals`, for the summary
     Raises InputError for a suffix or layout that is not known, or a file that cannot be written.
     """
     path = Path(path)
     write = _writer(path, layout)
-    record = FixRecord(fix, pings, settings, reasons or {})
+    record = FixRecord(fix, pings, settings, reasons or {}, intervals or {})
     part = path.with_name(path.name + ".part")
     try:
         write(record, part)

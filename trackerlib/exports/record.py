@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from trackerlib import __version__
+from trackerlib.beacon.intervals import Interval
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
@@ -41,6 +42,7 @@ class FixRecord:
     pings: Pings | None = None  # without them no times are known
     settings: FixSettings | None = None
     reasons: dict[int, str] = field(default_factory=dict)  # why pings were left out by hand
+    intervals: dict[str, Interval] = field(default_factory=dict)  # 95 %, where they were asked for
 
     def __post_init__(self):
         if self.pings is not None and not np.array_equal(self.pings.number, self.fix.number):
@@ -229,6 +231,7 @@ def _summary(record: FixRecord) -> list[str]:
     for other in fix.alternatives:
         place = (other.lat_deg, other.lon_deg)
         lines.append(f"Fits about as well: {decimal_degrees(*place)}, depth {other.depth_m:.0f} m")
+    lines += [f"95 % interval, {name}: {interval}" for name, interval in record.intervals.items()]
     lines += [f"Note: {note}" for note in fix.notes]
     lines.append(f"Pings used: {int(fix.used.sum())} of {len(fix.number)}")
     return lines
