@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dashboards.file_kinds import kind_of
 from dashboards.session_file import restore_session
+from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.beacon.navigation import Receptions
 from trackerlib.crossover.edits import PointEdits, parse_edits
 from trackerlib.crossover.gating import ready_sets
@@ -52,7 +53,7 @@ class Opening:
         self._folder: tempfile.TemporaryDirectory | None = None
         self._edits: dict[Path, PointEdits] = {}  # of the T-files of a campaign
         self._arrivals: tuple[Arrivals, str] | None = None  # that positions are wanted for, and their name
-        self._positions: tuple[bytes, str] | None = None  # the ship's, as they were opened
+        self._positions: SoundFile | None = None  # the ship's
         self._openers = {
             "session": lambda content, name: restore_session(session, content, name),
             "survey": self._survey,
@@ -119,12 +120,12 @@ class Opening:
         self._session.param.update(**{kind: kept})
 
     def _navigation(self, content: bytes, name: str) -> None:
-        self._positions = (content, name)
+        self._positions = SoundFile(name, self._kept(name, content))
         if self._arrivals is not None:
             self._place_arrivals()
             return
         self._session.say(f"{name}: the ship's positions, for the tab Wet-paper chart")
-        self._session.navigation_file = SoundFile(name, self._kept(name, content))
+        self._session.navigation_file = self._positions
 
     def _kept(self, name: str, content: bytes) -> Path:
         """The upload as a file in a folder that goes with the session."""
@@ -150,12 +151,15 @@ class Opening:
             decode_lines(content, name), name, hydrophone_depth_m=settings.hydrophone_depth_m
         )
         self._arrivals = None
-        profile = settings.profile
-        if profile is not None and SIMULATED in profile.notes and not reading.pings.simulated:
-            profile = None  # the demo's water is not that of a real survey
+        profile = self._water(reading.pings.simulated)
         settings = replace(settings, profile=profile, left_out=frozenset(), start=None)
         session.begin_hunt(fix_settings=settings, pings=reading.pings, heard=len(reading.pings), listening="")
         self._told(name, f"{len(reading.pings)} pings ({reading.layout})", reading.bad_records, reading.notes)
+
+    def _water(self, simulated: bool) -> SoundSpeedProfile | None:
+        """The profile that is open; the demo's water is not that of a real survey."""
+        profile = self._session.fix_settings.profile
+        return None if profile is not None and SIMULATED in profile.notes and not simulated else profile
 
     def _open_arrivals(self, content: bytes, name: str) -> None:
         """Instants of arrival, which become pings once the ship's positions are open beside them."""
@@ -171,8 +175,8 @@ class Opening:
     def _place_arrivals(self) -> None:
         """Begins a hunt with the arrivals and the positions beside them."""
         session = self._session
-        (arrivals, name), (content, positions_name) = self._arrivals, self._positions
-        positions = read_navigation_file(decode_lines(content, positions_name), positions_name, 0.0)
+        (arrivals, name), file = self._arrivals, self._positions
+        positions = read_navigation_file(decode_lines(read_bytes(file.path), file.name), file.name, 0.0)
         receptions = Receptions(
             arrivals.number, arrivals.arrival_s, positions.fixes, source=name,
             simulated=arrivals.simulated or positions.simulated,
@@ -182,6 +186,7 @@ class Opening:
             words += f"; {len(bad)} bad lines, the first is line {bad[0].line}: {bad[0].why}"
         if session.fix_settings.interval_s is None:
             words += "; tell the interval of the pinger, under Times: arrivals are known up to whole intervals only"
+        session.fix_settings = replace(session.fix_settings, profile=self._water(receptions.simulated))
         session.take_receptions(receptions, words)
 
     def _profile(self, content: bytes, name: str) -> None:

@@ -84,5 +84,5 @@ def test_of_a_refusal_there_are_none_and_of_experiments_neither(tab):
 def test_an_open_side_and_a_warning_are_words(tab):
     open_above = {name: Interval(-3.0, np.inf) for name in PLACE}
     shown = words(tab.session.fix, "profile likelihood", open_above, "the misfit is <bent>")
-    assert "-3.0 m to open" in shown
+    assert "-3.0 m or more" in shown
     assert "&lt;bent&gt;" in shown

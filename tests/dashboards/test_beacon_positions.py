@@ -94,6 +94,15 @@ def test_every_refusal_is_counted_and_the_interval_asked_for(session, files):
     assert set(counts) == {"HDOP of 10 or more", "gap of more than 4 s between positions"}
 
 
+def test_real_arrivals_do_not_inherit_the_demos_water(session, files):
+    session.open_beacon_demo()
+    for name, content in zip(("arrivals.csv", "gps.csv"), files, strict=True):
+        session.open_file(name, content.replace(b"# SIMULATED\n", b""))
+    assert not session.simulated
+    assert session.fix_settings.profile is None
+    assert session.truth is None
+
+
 def test_a_limit_turned_makes_the_pings_afresh_and_undo_takes_it_back(tab):
     session = tab.session
     before, numbers = len(session.pings), set(session.pings.number)
@@ -174,6 +183,7 @@ def test_a_session_file_carries_them(tab, files):
     broken = json.loads(text) | {"antenna_offset_m": [1, 2]}
     with pytest.raises(InputError, match="not a session file"):
         other.open_file("broken.json", json.dumps(broken).encode())
+    other.close()
 
 
 def test_what_makes_no_sense_is_told_and_changes_nothing(tab):

@@ -37,13 +37,14 @@ class Interval:
     high_m: float
 
     def __str__(self) -> str:
-        sides = [self.low_m, self.high_m]
-        decimals = decimals_for((self.high_m - self.low_m) / 4) if np.isfinite(sides).all() else 1
-        low, high = (
-            f"{round(side, decimals):.{max(decimals, 0)}f} m" if np.isfinite(side) else "open"
-            for side in sides
-        )
-        return f"{low} to {high}"
+        low_open, high_open = np.isinf(self.low_m), np.isinf(self.high_m)
+        if low_open or high_open:
+            if low_open and high_open:
+                return "open"
+            return f"{self.high_m:.1f} m or less" if low_open else f"{self.low_m:.1f} m or more"
+        decimals = decimals_for((self.high_m - self.low_m) / 4)
+        low, high = (f"{round(side, decimals):.{max(decimals, 0)}f}" for side in (self.low_m, self.high_m))
+        return f"{low} to {high} m"
 
 
 def _untold(share: float, text: str) -> None:
