@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from bokeh.models import ColumnDataSource, HoverTool, PointDrawTool
+from bokeh.models import ColumnDataSource, HoverTool, LogColorMapper, PointDrawTool
 from bokeh.palettes import Cividis256
 
 from dashboards.palette import ESTIMATE
@@ -29,7 +29,7 @@ class LegLayer:
         )
         self._shade = fig.image(
             "image", "x", "y", "dw", "dh",
-            source=self.attainable, palette=Cividis256[::-1], alpha=0.45, level="image",
+            source=self.attainable, color_mapper=LogColorMapper(Cividis256[::-1]), alpha=0.45, level="image",
         )  # fmt: skip
         fig.add_tools(HoverTool(renderers=[self._shade], tooltips=[("expected error", "@image{0.0} m")]))
         lines = fig.multi_line("xs", "ys", source=self.legs, line_width="width", line_alpha="alpha", **DOTTED)
@@ -99,7 +99,7 @@ class LegLayer:
         return None
 
     def shade(self, fix: BeaconFix, east: np.ndarray, north: np.ndarray, error: np.ndarray) -> None:
-        """Expected error [m] after a leg to each place of a grid, darker where it is less."""
+        """Expected error [m] after a leg to each place of a grid, lighter where it is less, by its logarithm."""
         corners = np.array([[east[0], north[0], 0.0], [east[-1], north[-1], 0.0]])
         lat, lon, _ = fix.frame.to_geodetic(corners)
         (left, right), (bottom, top) = mercator(lat, lon)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dashboards.pictures.mercator import from_mercator
 from dashboards.session import Session
 from dashboards.tabs import beacon, beacon_models
 from dashboards.tabs.beacon import BeaconTab
@@ -16,6 +17,7 @@ from dashboards.tabs.beacon_edits import OTHER
 from dashboards.tabs.beacon_words import position_texts, sentence, table
 from trackerlib.beacon.choice import usual_estimators, usual_models
 from trackerlib.beacon.pings import Ping
+from trackerlib.beacon.planning import Leg
 from trackerlib.frames import LocalFrame
 from trackerlib.receiver.hyperbola import BearingLine
 
@@ -236,6 +238,12 @@ def test_an_empty_session_says_what_is_missing():
     assert tab.export() is None
 
 
+def test_a_beacon_above_the_hydrophone_is_noted(tab):
+    fix = tab.session.fix
+    assert "Note:" not in sentence(fix)
+    assert "above the hydrophone" in sentence(replace(fix, ship=fix.ship - [0.0, 0.0, 3000.0]))
+
+
 def test_words_are_escaped(tab):
     evil = replace(tab.session.fix, converged=False, reason="<script>alert(1)</script>")
     assert "<script>" not in sentence(evil)
@@ -314,6 +322,30 @@ def test_what_would_help_draws_candidate_legs_and_a_dragged_one_is_forecast(tab)
     assert "longer than the" not in tab.leg.words.object
     tab.map.leg.ends.data = moved | {"x": moved["x"] + 30_000 * (np.arange(len(moved["x"])) == 0)}
     assert "longer than the 30 min" in tab.leg.words.object
+
+
+def test_the_map_shades_the_worst_of_both_mirror_places(tab):
+    hear(tab, 300)
+    tab.leg.plan()
+    both = tab.leg._surveys
+    assert len(both) == 2
+    image, east, north = shaded(tab)
+    ratios = []
+    for row, column in ((0, 0), (20, 5), (10, 20)):
+        leg = Leg(both[0].ship[-1, :2], np.array([east[column], north[row]]), tab.leg.ship_speed.value)
+        each = [survey.after(leg).rms_m for survey in both]
+        assert image[row, column] == pytest.approx(max(each), rel=0.02)
+        ratios.append(max(each) / min(each))
+    assert max(ratios) > 1.1  # the mirrors are not told alike
+
+
+def shaded(tab):
+    """The shading and the east and north [m] of its cells' middles, in the frame of the fix."""
+    data = {name: column[0] for name, column in tab.map.leg.attainable.data.items()}
+    steps = (np.arange(21) + 0.5) / 21
+    x, y = data["x"] + steps * data["dw"], data["y"] + steps * data["dh"]
+    place = tab.session.fix.frame.to_local(*from_mercator(x, y), 0.0)
+    return data["image"], place[:, 0], place[:, 1]
 
 
 def test_a_new_fix_clears_the_plan(tab):
