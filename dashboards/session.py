@@ -299,13 +299,10 @@ class Session(param.Parameterized):
 
     def take_receptions(self, receptions: Receptions, words: str, truth: dict | None = None) -> None:
         """Begins a hunt with pings made of arrivals and positions; raises ValueError as `Receptions.pings` does."""
-        pings, placed = self._place(receptions)
+        self._placed_by = self._placing
+        pings, placed = receptions.pings(*self._placing)
         words = "; ".join([words, *placed.words])
         self.take_pings(pings, words, truth, receptions=receptions, placed=placed)
-
-    def _place(self, receptions: Receptions) -> tuple[Pings, ShipPositions]:
-        self._placed_by = self._placing
-        return receptions.pings(*self._placing)
 
     @property
     def _placing(self) -> tuple[PositionLimits, tuple, float]:
@@ -313,13 +310,23 @@ class Session(param.Parameterized):
 
     @param.depends("position_limits", "antenna_offset_m", "fix_settings", watch=True)
     def _place_again(self) -> None:
-        """Other limits, another offset or depth: the pings are made afresh."""
-        if self.receptions is None or self._placing == self._placed_by:
+        """Other limits, another offset or depth: the pings are made afresh, off the event loop."""
+        receptions, placing = self.receptions, self._placing
+        if receptions is None or placing == self._placed_by:
             return
-        pings, placed = self._place(self.receptions)
-        heard = len(pings) if self.heard >= len(self.pings) else min(self.heard, len(pings))
-        self.param.update(pings=pings, placed=placed, heard=heard, fix=None)
-        self.say("; ".join([f"{len(pings)} of {len(placed.time_s)} arrivals have a position", *placed.words]))
+        self._placed_by = placing
+
+        def done(made: tuple[Pings, ShipPositions]) -> None:
+            if self.receptions is not receptions or self._placed_by != placing:
+                return
+            pings, placed = made
+            heard = len(pings) if self.heard >= len(self.pings) else min(self.heard, len(pings))
+            self.param.update(pings=pings, placed=placed, heard=heard, fix=None)
+            self.say(
+                "; ".join([f"{len(pings)} of {len(placed.time_s)} arrivals have a position", *placed.words])
+            )
+
+        self.jobs.start("Ship's positions", lambda progress: receptions.pings(*placing), done)
 
     # -- live pings ----------------------------------------------------------------------------
 

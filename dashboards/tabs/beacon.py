@@ -190,6 +190,8 @@ class BeaconTab(Tab):
             self.map.show_pointed(session.pointed)
         if session.opened != self._shown_survey or "truth" in changed:
             self._begin_survey()
+        elif "placed" in changed:
+            self._show_history([])  # it was of the pings before
         if session.pings is None:
             self.sentence.object = (
                 f"<b>Listening to {session.listening}:</b> no ping yet."
@@ -315,7 +317,7 @@ class BeaconTab(Tab):
 
     def _compute_history(self) -> None:
         session = self.session
-        pings, settings, opened = session.pings, session.fix_settings, session.opened
+        pings, settings, of = session.pings, session.fix_settings, (session.opened, session.placed)
         if pings is None:
             return
         step = max(len(pings) // HISTORY_FIXES, 1)
@@ -328,11 +330,14 @@ class BeaconTab(Tab):
             return fixes
 
         def done(fixes):
-            if session.opened == opened:  # another survey may be open by now
-                self.history.show(fixes)
-                self.map.show_trail(fixes)
+            if (session.opened, session.placed) == of:  # other pings may be open by now
+                self._show_history(fixes)
 
         session.jobs.start("Fix history", work, done, long=True)
+
+    def _show_history(self, fixes: list[BeaconFix]) -> None:
+        self.history.show(fixes)
+        self.map.show_trail(fixes)
 
     def export(self):
         fix = self.session.fix
