@@ -81,6 +81,14 @@ def test_a_hydrophone_that_was_lowered_tells_the_side(how, live):
     assert f"Note: {note}" in FixRecord(fix).summary
 
 
+@pytest.mark.parametrize("method", ["all-pings", "pairs"])
+def test_a_search_region_above_the_hydrophone_leaves_one_place(method):
+    fix = fix_beacon(heard(400.0), replace(PLAIN, method=method, spacing=5, max_depth_m=700.0))
+    assert fix.converged, fix.reason
+    assert fix.depth_m == pytest.approx(400.0, abs=3 * fix.sigma[2])
+    assert "above the hydrophone" in fix.notes[0]
+
+
 def test_the_sigma_of_a_beacon_above_the_hydrophone_is_true():
     settings, misses = replace(PLAIN, gps_rms_m=10.0), []
     for seed in range(20):

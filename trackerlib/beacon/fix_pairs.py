@@ -193,7 +193,7 @@ def _both_sides(
 ) -> tuple[_Rest, _Rest | None]:
     """The better of a rest and what lies beyond the hydrophone, and the other where it is as likely."""
     level = float(heard.ship[heard.heard, 2].mean())
-    if mirrored(rest.state, level)[2] >= 0:  # not under water
+    if not -settings.max_depth_m < mirrored(rest.state, level)[2] < 0:
         return rest, None
     side = 1.0 if rest.state[2] > level else -1.0  # the search looks below the hydrophone, or upside down
     ship = (heard.ship - [0.0, 0.0, level]) * [1.0, 1.0, side]
