@@ -8,6 +8,15 @@ from scipy.stats import chi2
 
 from trackerlib.beacon.neighbours import smooth_track
 from trackerlib.beacon.squared_range import fix_squared_range
+from trackerlib.beacon.squared_sums import (
+    BLOCK,
+    COLUMNS,
+    Track,
+    fill_instruments,
+    instrument_sums,
+    lay_out,
+    take_out_noise,
+)
 from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS, run_point, sail_hexagon
 
 
@@ -69,6 +78,53 @@ def test_a_beacon_has_the_same_place_alone_and_among_others():
         np.concatenate([ship, ship2]), np.concatenate([ranges, ranges2]), points.emitted_s, 5, 0.4
     )
     assert np.array_equal(both.estimate[1], alone.estimate[0])
+
+
+@pytest.mark.parametrize("scenario", [2, 5])
+def test_where_buffers_lie_changes_no_bit(scenario):
+    """Memory is dealt by chance; buffers that touch must not be taken for buffers that overlap."""
+    points, ship, ranges = noisy(scenario)
+    unknowns, noise = 7 if points.scenario.moving else 4, np.array([25.0, 25.0, 0.16])
+    epochs = points.emitted_s
+    smooth, _ = smooth_track(ship[0], epochs, noise, 200, 0.0)
+    origin, theta = np.zeros(4), np.array([*points.truth[:3], 700.0, *points.truth[3:]])
+    sums = np.empty((8 if unknowns == 7 else 4, COLUMNS))
+    track = lay_out(ship[0], smooth, ranges[0], epochs, origin, 1.0, unknowns == 7, sums)
+
+    def told(apart: int) -> bytes:
+        """All that the sums come to with buffers, in this order, so many numbers apart."""
+        parts = track.columns, track.instruments, track.weighted, track.told
+        memory, placed, at = np.zeros(sum(len(part) + apart for part in parts)), [], 0
+        for part in parts:
+            placed.append(memory[at : at + len(part)])
+            placed[-1][:] = part
+            at += len(part) + apart
+        columns, instruments, weighted, others = placed
+        laid = Track(track.pings, track.highest, track.width, columns, others, instruments, weighted)
+        found = b""
+        for first in range(0, track.pings, BLOCK):
+            fill_instruments(theta, laid, first, noise)
+            found += instruments.tobytes() + weighted.tobytes()
+        moments, spread = np.empty((unknowns, COLUMNS)), np.empty((unknowns, unknowns))
+        instrument_sums(theta, laid, noise, moments, spread)
+        found += moments.tobytes() + spread.tobytes()
+        take_out_noise(theta, laid, noise, np.linalg.cholesky(spread), moments)
+        return found + moments.tobytes()
+
+    assert {told(apart) for apart in (0, 8, 100, 500)} == {told(20_000)}
+
+
+def test_the_same_surveys_have_the_same_bits_whatever_else_is_in_memory():
+    points, ship, ranges = survey(2)
+    rng = np.random.default_rng(5)
+    ship = ship + np.append(rng.normal(0, 3, (20, len(ship[0]), 2)), np.zeros((20, len(ship[0]), 1)), axis=2)
+    ranges = ranges + rng.normal(0, 0.4, (20, len(ranges[0])))
+    kept, found = [], set()
+    for _ in range(60):
+        kept.append(np.empty(rng.integers(1, 20_000)))
+        fixes = fix_squared_range(ship.copy(), ranges.copy(), points.emitted_s.copy(), 3, 0.4)
+        found.add(fixes.estimate.tobytes() + fixes.covariance.tobytes())
+    assert len(found) == 1
 
 
 def test_a_covariance_is_symmetric_and_positive():

@@ -25,6 +25,10 @@ STILL_ROWS, MOVING_ROWS = 4, 7  # instruments, one an unknown
 START_ROWS = 8  # of a start with motion, and place enough for any instruments
 BLOCK = 128  # pings worked on side by side
 FAST = {"reassoc", "contract", "arcp", "nsz"}  # NaN and infinity keep their meaning
+# Whether there is motion is known when compiled, by the length of these. A loop must not name a row that a track of no
+# motion does not have, even where it is not read: it would be asked whether that row lies apart from what the loop
+# writes, which is chance, and where it does not the loop goes one ping at a time and rounds its sums otherwise.
+NO_MOTION, MOTION = (), (0,)
 
 _fast = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 
@@ -220,18 +224,20 @@ def instrument_sums(theta, track, noise, moments, spread):
 def fill_instruments(theta, track, first, noise):
     """Fills the track's instruments and the same times their weights for the block from ping `first` on."""
     columns, told = _block(track, first)
-    _fill_instruments(theta, columns, told, noise, track.instruments, track.weighted)
     if len(theta) > STILL_ROWS:
+        _fill_instruments(theta, columns, told, noise, MOTION, track.instruments, track.weighted)
         _fill_motion(columns, track.instruments)
         _fill_motion(columns, track.weighted)
+    else:
+        _fill_instruments(theta, columns, told, noise, NO_MOTION, track.instruments, track.weighted)
 
 
 @_fast
-def _fill_instruments(theta, columns, told, noise, instruments, weighted):
+def _fill_instruments(theta, columns, told, noise, motion, instruments, weighted):
     gx, gy, rr = 4 * (noise[0] + noise[2]), 4 * (noise[1] + noise[2]), 4 * noise[2]
     floor = 2 * (noise[0] * noise[0] + noise[1] * noise[1] + noise[2] * noise[2])
     x0, y0, z0 = theta[0], theta[1], theta[2]
-    moving = len(theta) > STILL_ROWS
+    moving = len(motion) > 0
     vx, vy, vz = (theta[4], theta[5], theta[6]) if moving else (0.0, 0.0, 0.0)
     for k in range(BLOCK):
         t = columns[T * BLOCK + k] if moving else 0.0
@@ -322,15 +328,19 @@ def take_out_noise(theta, track, noise, root, moments):
     whiten(root, inverse)
     for first in range(0, track.pings, BLOCK):
         fill_instruments(theta, track, first, noise)
-        _fill_leverage(inverse, _block(track, first)[0], track.instruments, track.weighted, own)
+        columns = _block(track, first)[0]
+        if len(theta) > STILL_ROWS:
+            _fill_leverage(inverse, columns, MOTION, track.instruments, track.weighted, own)
+        else:
+            _fill_leverage(inverse, columns, NO_MOTION, track.instruments, track.weighted, own)
         _lose(len(theta), track, first, noise, own, change, lost)
     _take_out(lost, moments)
 
 
 @_fast
-def _fill_leverage(inverse, columns, instruments, weighted, leverage):
+def _fill_leverage(inverse, columns, motion, instruments, weighted, leverage):
     """Fills the leverages (BLOCK,), less than zero, of a block; inverse : (P, P) of the root."""
-    moving = len(inverse) > STILL_ROWS
+    moving = len(motion) > 0
     leverage[:] = 0.0
     for i in range(len(inverse)):
         a, b, c, d = inverse[i, 0], inverse[i, 1], inverse[i, 2], inverse[i, 3]
