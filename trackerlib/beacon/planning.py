@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trackerlib.beacon.first_order import FirstOrder, first_order
 from trackerlib.beacon.motion import Motion, motion_over
 from trackerlib.beacon.paths import Paths, paths_through
 from trackerlib.beacon.pings import Pings
@@ -26,11 +27,11 @@ from trackerlib.rounding import decimals_for
 FASTEST_MPS = 5.0  # above this the flow past the hydrophone is louder than the beacon
 BEARINGS = 16
 SHARES = (0.15, 0.3, 0.6, 1.0)  # of the time budget that candidates use
-UNSEEN_M = 1e6  # standard error of what no ping shows
 NOT_KNOWN_M = 100_000.0  # an expected error of more than this is none
 AHEAD = 4.0  # times a leg that it is looked whether a moving beacon's place gets worse
 AHEAD_STEPS = 24
 USUAL_INTERVAL_S = 2.0  # where the survey does not tell one
+MATERIAL = 0.9  # share of a sigma below which what is left of it is worth telling
 
 
 def rounded(value: float) -> str:
@@ -70,6 +71,7 @@ class Forecast:
 
     leg: Leg
     covariance: np.ndarray  # (3, 3) [m^2] of its place then
+    speed_sigma_mps: float  # standard error of the speed of sound then
     expected_pings: int
 
     @property
@@ -95,6 +97,7 @@ class Plan:
     forecasts: tuple[Forecast, ...]
     now: np.ndarray  # (3, 3) [m^2] covariance of the beacon's place at the last ping
     worse_after_s: float | None = None  # from now, along the best leg and on, see `worse_after`
+    speed_sigma_mps: float = 0.0  # standard error of the speed of sound now
 
     @property
     def best(self) -> Forecast:
@@ -116,8 +119,15 @@ class Plan:
         return (
             f"Sail {way}{leg.length_m:.0f} m on {leg.bearing_deg:.0f}° at {leg.speed_mps:g} m/s "
             f"({leg.duration_s / 60:.0f} min): the expected error {known} {rounded(self.best.rms_m)} m, "
-            f"depth sigma to {rounded(sigma[2])} m.{self._worse_words}"
+            f"depth sigma to {rounded(sigma[2])} m.{self._speed_words}{self._worse_words}"
         )
+
+    @property
+    def _speed_words(self) -> str:
+        before, after = self.speed_sigma_mps, self.best.speed_sigma_mps
+        if not after < MATERIAL * before:
+            return ""
+        return f" The leg tells the speed of sound too: its sigma falls from {rounded(before)} to {rounded(after)} m/s."
 
     @property
     def _worse_words(self) -> str:
@@ -127,16 +137,6 @@ class Plan:
             f"after {self.worse_after_s / 60:.0f} min on that course" if self.worse_after_s else "from now on"
         )
         return f" As the beacon moves, its present place gets less sure {after}."
-
-
-@dataclass(frozen=True, eq=False)
-class _Linear:
-    """How the free directions of a state follow from the times, to first order, the clock following."""
-
-    gradient: np.ndarray  # (N, 3) [s/m] of the travel times by place
-    gain: np.ndarray  # (N, K) [m/s] of the state by each time
-    information: np.ndarray  # (K, K) [1/m^2] of independent errors as stated
-    by_speed: np.ndarray  # (K,) [m] per m/s of mean sound speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +155,7 @@ class Survey:
     widened: float  # variance over that of independent pings
     interval_s: float  # between pings to come
     clock_terms: int  # unknowns of the pinger's clock: emission time, interval, drift
+    speed_fitted: bool = False  # the speed of sound is estimated too, speed_sigma_mps that of its prior
     gps_correlation_s: float | None = (
         None  # of the ship's errors, independent from ping to ping where it is None
     )
@@ -181,37 +182,56 @@ class Survey:
 
         heading_rad : (N,) of the bow, None where it is not known; only an antenna's error asks for it
         """
+        return self._outlook(ship, elapsed_s, at_s, heading_rad)[0]
+
+    @property
+    def speed_now_mps(self) -> float:
+        """Standard error of the speed of sound [m/s] at the last ping."""
+        return self._outlook(self.ship, self.elapsed_s, self.last_s, self.heading_rad)[1]
+
+    def _outlook(self, ship, elapsed_s, at_s, heading_rad) -> tuple[np.ndarray, float]:
+        """The same as `forecast`, and the standard error of the speed of sound [m/s]."""
         motion = motion_over(self.motion_kind, elapsed_s)
-        linear = self._linear(ship, elapsed_s, motion)
-        noise = self.widened * np.linalg.inv(linear.information - self._lost_in(motion))
+        gradient, linear = self._linear(ship, elapsed_s, motion)
+        noise = self.widened * self._less_lost(linear.noise, motion)
         if (slow := self._slow_errors(elapsed_s)) is not None:
-            noise = wider(noise, slow.moved_by(linear.gradient[:, :2, None] * linear.gain[:, None, :]))
+            noise = wider(noise, slow.moved_by(gradient[:, :2, None] * linear.gain[:, None, :]))
         if any(self.antenna_sigma_m):
-            noise = noise + AntennaErrors(*self.antenna_sigma_m, heading_rad).moved_by(
-                linear.gradient, linear.gain
-            )
+            noise = noise + AntennaErrors(*self.antenna_sigma_m, heading_rad).moved_by(gradient, linear.gain)
         covariance = noise + self.speed_sigma_mps**2 * np.outer(linear.by_speed, linear.by_speed)
+        place = len(motion.axes)
         step = motion.at(at_s)[:3] @ motion.axes.T
-        return step @ covariance @ step.T
+        speed = float(np.sqrt(covariance[-1, -1])) if self.speed_fitted else self.speed_sigma_mps
+        return step @ covariance[:place, :place] @ step.T, speed
+
+    def _less_lost(self, noise: np.ndarray, motion: Motion) -> np.ndarray:
+        """The noise (L, L) that is left after some information on the place is lost; the speed of sound follows."""
+        if self.lost is None:
+            return noise
+        size = len(motion.axes)
+        before = noise[:size, :size]
+        after = np.linalg.inv(np.linalg.inv(before) - self._lost_in(motion))
+        follow = np.vstack([np.eye(size), np.linalg.solve(before, noise[:size, size:]).T])
+        return noise + follow @ (after - before) @ follow.T
 
     def _lost_in(self, motion: Motion) -> np.ndarray:
         """The information lost (K, K) in the state of another span of time."""
-        if self.lost is None:
-            return np.zeros((len(motion.axes), len(motion.axes)))
         turn = motion.axes @ np.linalg.inv(self.motion.at(0.0)) @ motion.at(0.0) @ motion.axes.T
         return turn.T @ self.lost @ turn
 
     def independent(self) -> tuple[np.ndarray, np.ndarray]:
         """Of the state (K, K): information from pings heard [1/m^2], and covariance per variance of times [m^2/s^2]."""
-        linear = self._linear(self.ship, self.elapsed_s, self.motion)
-        return linear.information, linear.gain.T @ linear.gain
+        linear, size = self._linear(self.ship, self.elapsed_s, self.motion)[1], len(self.motion.axes)
+        gain = linear.gain[:, :size]
+        return np.linalg.inv(linear.noise[:size, :size]), gain.T @ gain
 
     @property
     def motion(self) -> Motion:
         """How the beacon moves over the pings heard."""
         return motion_over(self.motion_kind, self.elapsed_s)
 
-    def _linear(self, ship, elapsed_s, motion: Motion) -> _Linear:
+    def _linear(self, ship, elapsed_s, motion: Motion) -> tuple[np.ndarray, FirstOrder]:
+        """Gradients (N, 3) [s/m] of the travel times by place, and how state and speed of sound follow from times."""
         place = self.beacon + elapsed_s[:, None] * self.velocity
         time, gradient = (value[0] for value in self.paths.times(place[None], ship))
         seen = np.isfinite(time)
@@ -229,11 +249,9 @@ class Survey:
             both = root * np.column_stack([slope, time])
             both = (both - clock @ (clock.T @ both)) / np.maximum(root, 1e-30)
             slope, time = both[:, :-1], both[:, -1]
-        weighted = slope * weight[:, None]
-        information = weighted.T @ slope + np.eye(slope.shape[1]) / UNSEEN_M**2
-        gain = weighted @ np.linalg.inv(information)
-        mean_speed = self.paths.mean_speed(max(-float(self.beacon[2]), 0.0))
-        return _Linear(gradient, gain, information, gain.T @ time / mean_speed)
+        by_speed = time / self.paths.mean_speed(max(-float(self.beacon[2]), 0.0))
+        prior = self.widened / self.speed_sigma_mps**2 if self.speed_fitted else None
+        return gradient, first_order(slope, by_speed, weight, prior)
 
     def _slow_errors(self, elapsed_s: np.ndarray) -> SlowErrors | None:
         """The ship's errors that hang together in time: those told, or what a fix assumes where none are."""
@@ -253,8 +271,8 @@ class Survey:
         heading = self.heading_rad
         if heading is not None:
             heading = np.concatenate([heading, np.full(len(expected), np.radians(leg.bearing_deg))])
-        at_end = self.forecast(ship, elapsed, self.last_s + leg.duration_s, heading)
-        return Forecast(leg, at_end, len(expected))
+        at_end = self._outlook(ship, elapsed, self.last_s + leg.duration_s, heading)
+        return Forecast(leg, *at_end, len(expected))
 
 
 def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[Survey]:
@@ -293,6 +311,7 @@ def surveys_so_far(pings: Pings, fix: BeaconFix, settings: FixSettings) -> list[
         widened=1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length,
         interval_s=_usual_interval(elapsed),
         clock_terms=settings.clock_terms,
+        speed_fitted=settings.estimate_sound_speed,
         gps_correlation_s=settings.gps_correlation_s,
         antenna_sigma_m=settings.antenna_sigma_m,
         heading_rad=None if pings.heading_rad is None else pings.heading_rad[used],
@@ -341,7 +360,8 @@ def plan_next_leg(
         leg for other in surveys[1:] for leg in candidate_legs(other, budget_s, speed_mps) if leg.over_beacon
     ]
     forecasts = sorted((forecast_leg(surveys, leg) for leg in legs), key=lambda forecast: forecast.rms_m)
-    return Plan(tuple(forecasts), surveys[0].now, worse_after(surveys, forecasts[0].leg))
+    worse_s = worse_after(surveys, forecasts[0].leg)
+    return Plan(tuple(forecasts), surveys[0].now, worse_s, surveys[0].speed_now_mps)
 
 
 def forecast_leg(surveys: list[Survey], leg: Leg) -> Forecast:

@@ -101,6 +101,7 @@ def leg_document(forecast: Forecast, fix: BeaconFix) -> dict:
         "sigma_east_m": float(sigma[0]),
         "sigma_north_m": float(sigma[1]),
         "sigma_depth_m": float(sigma[2]),
+        "sigma_sound_speed_mps": forecast.speed_sigma_mps,
         "rms_m": forecast.rms_m,
         "ellipse95": asdict(forecast.ellipse),
     }
