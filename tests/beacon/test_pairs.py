@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import odrpack
 import pytest
+from plain_deming import deming_fixes, least_squares_at
 
-from trackerlib.beacon.pairs import SearchBox, experiments, fix_pairs
+from trackerlib.beacon.pairs import START, SearchBox, experiments, fix_pairs
+from trackerlib.compiled import in_threads
 from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS, TIME_RMS_S, sail_hexagon
 
 RANGE_RMS_M = SOUND_SPEED_MPS * TIME_RMS_S
@@ -90,6 +92,29 @@ def test_the_answer_is_where_the_thesis_iteration_rests(scenario, count, spacing
         assert fixes.misfit[k] == pytest.approx(rest[2], rel=1e-3)
         assert np.sqrt(np.diag(fixes.covariance[k])) == pytest.approx(sigma, rel=0.02)
     assert compared >= 4
+
+
+@pytest.mark.parametrize("gps_rms_m", [3.0, 25.0])
+def test_it_converges_wherever_three_thousand_steps_of_deming_do(gps_rms_m):
+    """From the thesis's start, 50 experiments; 25 m of GPS for moving beacons, of which only some rest at all."""
+    variance = np.array([gps_rms_m**2, gps_rms_m**2, RANGE_RMS_M**2])
+    for scenario in SCENARIOS if gps_rms_m > 3 else (1, 2, 3):
+        ship, ranges, epochs, pairs = survey(scenario, 50, 45, gps_rms_m, 100)
+        unknowns = 6 if scenario > 3 else 3
+        start, limits = np.append(START, np.zeros(unknowns - 3)), SearchBox().limits(unknowns)
+        halves = [slice(0, 50), slice(50, 100)]
+        parts = in_threads(
+            deming_fixes,
+            [(ship[half], ranges[half], epochs, pairs, variance, limits, start, 3000) for half in halves],
+        )
+        theirs, rests = (np.concatenate(part) for part in zip(*parts, strict=True))
+        fixes = fix_pairs(ship, ranges, epochs, pairs, gps_rms_m, RANGE_RMS_M, moving=scenario > 3)
+        assert rests.mean() > 0.8, scenario
+        assert fixes.converged[rests].all(), scenario
+        told = ship[rests], ranges[rests], epochs, pairs, variance
+        least, found = least_squares_at(theirs[rests], *told), least_squares_at(fixes.estimate[rests], *told)
+        assert (found <= least + 1e-4).all(), scenario
+        assert found == pytest.approx(fixes.misfit[rests], rel=1e-5)
 
 
 def test_an_independent_program_finds_the_same_place():
