@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from trackerlib.commands import main
-from trackerlib.commands.study import one_row
+from trackerlib.commands.study import _show_progress, one_row
 from trackerlib.simulation.figures import panels
 from trackerlib.simulation.study import StudyPoint, run_study_point, study_points
 
@@ -58,6 +58,33 @@ def test_a_killed_study_is_resumed_where_it_stopped(tmp_path, capsys):
     again = pd.read_csv(tmp_path / "study.csv").drop(columns="seconds")
     (tmp_path / "study.csv").write_text(whole)
     pd.testing.assert_frame_equal(again, pd.read_csv(tmp_path / "study.csv").drop(columns="seconds"))
+
+
+def test_progress_counts_every_point_on_a_terminal_and_those_left_after_a_resume(
+    tmp_path, capsys, monkeypatch
+):
+    call = ["study", *SMALL, "--methods", "thesis", "--out", str(tmp_path)]
+    assert main(call) == 0
+    assert "points" not in capsys.readouterr().err  # no terminal
+    table = tmp_path / "study.csv"
+    table.write_text("".join(table.read_text().splitlines(keepends=True)[:41]))
+    rows_there: list[int] = []
+
+    def watched(number, of):
+        rows_there.append(table.read_text().count("\n") - 1)
+        _show_progress(number, of)
+
+    for extra, first, left in (["--resume"], 40, 6), ([], 0, 46):
+        rows_there.clear()
+        with monkeypatch.context() as patched:
+            patched.setattr("sys.stderr.isatty", lambda: True, raising=False)
+            patched.setattr("trackerlib.commands.study._show_progress", watched)
+            assert main([*call, *extra]) == 0
+        told = capsys.readouterr().err
+        assert told == "".join(f"\r{k} of {left} points" for k in range(1, left + 1)) + "\n"
+        assert rows_there == [
+            first + k for k in range(1, left + 1)
+        ]  # a point told is a row that a kill leaves
 
 
 def test_other_trials_are_not_mixed_into_a_table(tmp_path, capsys):

@@ -100,6 +100,20 @@ def test_cancel_keeps_the_rows_that_are_done_and_says_so(tab, monkeypatch):
     assert len(tab.export()[1].splitlines()) == 2 + 4
 
 
+def test_the_status_line_tells_which_point_is_at_work_and_is_idle_after(tab, monkeypatch):
+    states = []
+    monkeypatch.setattr(tab.session.jobs, "_on_state", lambda *state: states.append(state))
+    tab.activate()
+    assert states == [
+        *(("Monte Carlo", k / 9, f"point {k + 1} of 9") for k in range(9)),
+        ("", 0.0, ""),
+    ]
+    states.clear()
+    monkeypatch.setattr(tab, "_begin", lambda points: tab.session.jobs.cancel())
+    tab.run()
+    assert states == [("", 0.0, "")]  # cancelled before the first
+
+
 def test_a_study_cancelled_before_its_first_point_leaves_the_one_before(tab, monkeypatch):
     tab.activate()
     before = list(tab.rows)
