@@ -189,11 +189,8 @@ def _bend(
     change = (before - after) if flatter else (after - before)
     found = f"the error falls with the power {before:.2f} before and {after:.2f} after, sigma of the change {sigma:.2f}"
     holds = bool(change > 3 * sigma)
-    why = (
-        ""
-        if holds
-        else f"{_why_no_bend(change / sigma, _bends(of_bound(rows), sweep, window), flatter, rows)}; {besides}"
-    )
+    bound = _bends(of_bound(rows), sweep, window)
+    why = "" if holds else f"{_why_no_bend(change / sigma, bound, flatter, rows)}; {besides}"
     return Claim(words, holds, f"{found} ({len(bends)} curves)", why)
 
 
