@@ -31,6 +31,9 @@ _LANES_HOLD = 224  # words whose bytes, 0 or 1 each, can be added up byte by byt
 _MINUS = _word(0x0D0D0D0D0D0D0D0D)  # '-' ^ ' ' in every byte
 _NO_MARK = 0x2020
 _LINES = 64  # looked at together
+# A tenth in two parts, the first so short that its product with a number of six digits is exact: the sum of both
+# products is then rounded once, to what a division by ten gives, which takes five times as long.
+_TENTH, _TENTH_REST = float.fromhex("0x1.99999998p-4"), float.fromhex("0x1.999999999999ap-36")
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,19 +207,20 @@ def _read_numbers(words, values, faults):
         number = (
             (pairs & pair_mask) * high + ((pairs >> numba.uint64(16)) & pair_mask) * low
         ) >> numba.uint64(32)
-        feet = numba.int64(number) / 10.0
+        tenths = numba.float64(numba.int64(number))
+        feet = tenths * _TENTH + tenths * _TENTH_REST
         values[k] = -feet if minus else feet
 
 
 @compiled
-def _take_words(text, place, step, words, faults, arrays, modes, marks):
-    """Fills words (4, n) with the columns of count, x, y and z of n records `step` apart, and the small columns.
+def _take_words(text, place, step, many, words, faults, arrays, modes, marks):
+    """Fills words (4, n) with the columns of count, x, y and z of so many records `step` apart, and the small columns.
 
     `faults` gets what is wrong with array number, mode and the count's last digit.
     """
     five, tail = numba.uint64(0xFFFFFFFFFF), numba.uint64(0x00302E0000000000)  # '.0' behind five columns
     zero, ten, byte = numba.uint64(48), numba.uint64(9), numba.uint64(255)
-    for k in range(len(modes)):
+    for k in range(many):
         begin, end = _load(text, place), _load(text, place + 60)
         words[0, k] = (begin & five) | tail
         words[1, k] = _load(text, place + 8)
@@ -245,7 +249,8 @@ def _is_plain(text, aligned, place, stop, lines, step):
     found, strange = numba.uint64(0), numba.uint64(0)
     for begin in range(first, last, _LANES_HOLD):
         lanes = numba.uint64(0)
-        for word in aligned[begin : min(begin + _LANES_HOLD, last)]:
+        for k in range(begin, min(begin + _LANES_HOLD, last)):
+            word = aligned[numba.uint64(k)]
             strange |= word
             lanes += (~(word + _TO_HIGH) & _HIGH) >> numba.uint64(7)
         pairs = (lanes & _EVEN) + ((lanes >> numba.uint64(8)) & _EVEN)
@@ -287,8 +292,8 @@ def _pick(modes, marks, wrong, faulty, wanted, many, of_mode, pick):
     for k in range(many):
         if faulty and wrong[k]:
             continue
-        of_mode[k & 3, modes[k]] += 1
-        pick[picked] = k
+        of_mode[numba.uint64(k & 3), numba.uint64(modes[k])] += 1
+        pick[numba.uint64(picked)] = k
         picked += (wanted < 0) | ((modes[k] == wanted) & (marks[k] == _NO_MARK))
     return picked
 
@@ -301,6 +306,7 @@ def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode
     """
     words, faults = np.empty((4, _LINES), np.uint64), np.empty((4, _LINES), np.uint64)
     values, wrong = np.empty((4, _LINES), np.float64), np.empty(_LINES, np.bool_)
+    flat = words.reshape(4 * _LINES), values.reshape(4 * _LINES), faults.reshape(4 * _LINES)
     arrays, modes, marks = np.empty(_LINES, np.int64), np.empty(_LINES, np.int64), np.empty(_LINES, np.int64)
     odd, odds = np.empty((16, 3), np.int64), 0
     of_mode, pick = np.zeros((4, 10), np.int64), np.empty(_LINES, np.int64)
@@ -315,8 +321,8 @@ def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode
                 foreign = True
                 break
             usual, step = max(length, COLUMNS), length + 1
-        _take_words(text, place, step, words, wrong[:many], arrays[:many], modes[:many], marks[:many])
-        _read_numbers(words.reshape(4 * _LINES), values.reshape(4 * _LINES), faults.reshape(4 * _LINES))
+        _take_words(text, place, step, many, words, wrong, arrays, modes, marks)
+        _read_numbers(*flat)
         faulty = _join_faults(faults, wrong, many) or step <= COLUMNS
         if faulty:
             for k in range(many):
@@ -329,8 +335,8 @@ def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode
         if first < 0 and odds < lines + many:
             first = lines + int(np.argmin(wrong[:many]))
         for j in range(picked):
-            k, to = pick[j], kept + j
-            line[to], count[to] = lines + k, values[0, k]
+            k, to = numba.uint64(pick[j]), numba.uint64(kept + j)
+            line[to], count[to] = lines + pick[j], values[0, k]
             position[to, 0], position[to, 1], position[to, 2] = values[1, k], values[2, k], values[3, k]
             array[to], mode[to], flagged[to] = arrays[k], modes[k], marks[k] != _NO_MARK
         kept += picked
