@@ -26,8 +26,8 @@ def judge_reports(
     place: np.ndarray,
     lowest: int,
     limit: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Where each report (N,) ends: ALONE, UNPLACED, TOO_FAR, ALONE_IN_RANGE or KEPT; and how many of each (5,).
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where each report (N,) ends: ALONE, UNPLACED, TOO_FAR, ALONE_IN_RANGE or KEPT; how many of each (5,); those KEPT.
 
     array : (N,) number of the reporting array
     place : (K, 3) surveyed positions of the arrays from number `lowest` on, NaN where one has none
@@ -35,12 +35,14 @@ def judge_reports(
     """
     verdict = np.empty(len(point_count), dtype=np.uint8)
 
-    def work(first: int, stop: int) -> list[int]:
+    def work(first: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
         part = slice(first, stop)
         _judge(point_count[part], array[part], position[part], place, lowest, limit, verdict[part])
-        return [int(np.count_nonzero(verdict[part] == ends)) for ends in range(5)]
+        ended = [np.count_nonzero(verdict[part] == ends) for ends in range(5)]
+        return np.array(ended), first + np.flatnonzero(verdict[part] == KEPT)
 
-    return verdict, np.sum(in_threads(work, _stretches(point_count)), axis=0)
+    ended, kept = zip(*in_threads(work, _stretches(point_count)), strict=True)
+    return verdict, np.sum(ended, axis=0), np.concatenate(kept)
 
 
 def match_pairs(point_count: np.ndarray, array: np.ndarray, arrays: int) -> tuple[np.ndarray, np.ndarray]:
@@ -88,10 +90,19 @@ def _judge_ranges(array, position, place, lowest, limit, verdict):
             y = position[report, 1] - place[row, 1]
             z = position[report, 2] - place[row, 2]
             square[k] = x * x + y * y + z * z
-        for k in range(
-            len(part)
-        ):  # apart, as the compiler works on several at once where nothing is looked up
+        # Apart, so that the compiler works on several at once: nothing is looked up here.
+        for k in range(len(part)):
             part[k] = UNPLACED + (square[k] == square[k]) + 2 * (math.sqrt(square[k]) <= limit)
+
+
+@compiled
+def _keeps_one_array(array, verdict):
+    """Whether all that are KEPT have the same array."""
+    low, high = _BEYOND, _BEFORE
+    for k in range(len(verdict)):
+        if verdict[k] == KEPT:
+            low, high = min(low, np.int64(array[k])), max(high, np.int64(array[k]))
+    return low == high
 
 
 @compiled
@@ -99,21 +110,15 @@ def _judge(point_count, array, position, place, lowest, limit, verdict):
     _judge_ranges(array, position, place, lowest, limit, verdict)
     size, start = np.uint64(len(verdict)), np.uint64(0)
     while start < size:
-        one, end = point_count[start], start
-        low = kept_low = _BEYOND
-        high = kept_high = _BEFORE
+        one, number, end = point_count[start], array[start], start
+        several, best = False, verdict[start]
         while end < size and point_count[end] == one:
-            row = np.int64(array[end])
-            near = verdict[end] == KEPT
-            low, high = min(low, row), max(high, row)
-            kept_low, kept_high = (
-                min(kept_low, row if near else _BEYOND),
-                max(kept_high, row if near else _BEFORE),
-            )
+            several |= array[end] != number
+            best = max(best, verdict[end])
             end += np.uint64(1)
-        if low == high:
+        if not several:
             verdict[start:end] = ALONE
-        elif kept_low == kept_high:
+        elif best == KEPT and _keeps_one_array(array[start:end], verdict[start:end]):
             for k in range(start, end):
                 verdict[k] -= verdict[k] == KEPT
         start = end

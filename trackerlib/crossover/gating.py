@@ -16,7 +16,6 @@ from trackerlib.crossover.doubts import report_doubts
 from trackerlib.crossover.gate_scan import (
     ALONE,
     ALONE_IN_RANGE,
-    KEPT,
     TOO_FAR,
     UNPLACED,
     find_repeats,
@@ -78,10 +77,9 @@ def gate_reports(
     """
     vehicle = gate_mode_and_flag(reports, mode)
     lowest, place = _places(vehicle.array, survey)
-    verdict, ended = judge_reports(
+    verdict, ended, repaired = judge_reports(
         vehicle.point_count, vehicle.array, vehicle.position, place, lowest, max_slant_range_ft
     )
-    repaired = np.flatnonzero(verdict == KEPT)
     repeats = find_repeats(vehicle.point_count[repaired], vehicle.array[repaired])
     single, choices = choose_repeats(vehicle, repaired, repeats, keep_lines)
     unplaced = np.unique(vehicle.array[verdict == UNPLACED], return_counts=True)
@@ -150,11 +148,12 @@ def pair_up(reports: PositionReports, gap_counts: int = GAP_COUNTS) -> list[Cros
 def _pair_up(reports: PositionReports, chosen: np.ndarray, gap_counts: int) -> list[CrossoverSet]:
     """The same of the reports at the indices `chosen`."""
     numbers, row = _rows(reports.array[chosen])
-    sizes, matches = match_pairs(reports.point_count[chosen], row, len(numbers))
-    first, second = chosen[matches]
-    point_count = reports.point_count[first].astype(np.int64)
-    x, y = reports.position[first], reports.position[second]
-    lines = np.column_stack([reports.line[first], reports.line[second]])
+    count, line = reports.point_count[chosen], reports.line[chosen]
+    position = reports.position.take(chosen, axis=0)  # twice as fast as by an index in brackets
+    sizes, matches = match_pairs(count, row, len(numbers))
+    point_count = count[matches[0]].astype(np.int64)
+    x, y = position.take(matches[0], axis=0), position.take(matches[1], axis=0)
+    lines = line[matches].T
     sets: list[CrossoverSet] = []
     end = 0
     for a, b in np.argwhere(sizes):
