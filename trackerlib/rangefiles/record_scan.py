@@ -23,8 +23,11 @@ _STRETCH_BYTES = 8_000_000  # what is kept of so many stays in the cache until i
 _NEWLINE, _RETURN = 10, 13
 
 _word = np.uint64
-_BLANKS, _ZEROS, _HIGH = _word(0x2020202020202020), _word(0x3030303030303030), _word(0x8080808080808080)
-_NOT_DIGIT = _word(0x7676767676767676)  # added to (byte ^ '0'), sets the high bit of all but digits
+_BLANKS, _HIGH = _word(0x2020202020202020), _word(0x8080808080808080)
+_NUMBER = _word(0x002E303030303030)  # six zeros and the point behind them
+_NOT_NUMBER = _word(
+    0x007F767676767676
+)  # added to (word ^ _NUMBER), sets the high bit of all but digits and the point
 _TO_HIGH = _word(0x6060606060606060)  # added to a byte, sets the high bit of all but control characters
 _EVEN, _PAIR_ONES = _word(0x00FF00FF00FF00FF), _word(0x0001000100010001)
 _LANES_HOLD = 224  # words whose bytes, 0 or 1 each, can be added up byte by byte
@@ -183,30 +186,31 @@ def _read_numbers(words, values, faults):
 
     The words are independent and hold no branch, so that the compiler works on several at once.
     """
-    five = numba.uint64(0xFFFFFFFFFF)
-    one, byte, point, nine = numba.uint64(1), numba.uint64(255), numba.uint64(46), numba.uint64(0x76)
-    high, low = numba.uint64(0x000F424000000064), numba.uint64(0x0000271000000001)
-    pair_mask = numba.uint64(0x000000FF000000FF)
+    five, sixth, seventh = _word(0xFFFFFFFFFF), _word(0xFF << 40), _word(0xFF << 48)
+    one, byte, eight = numba.uint64(1), numba.uint64(255), numba.uint64(8)
     for k in range(len(words)):
         word = words[k]
-        value = (word ^ _ZEROS) & five
-        other = (value + _NOT_DIGIT) & _HIGH & five
-        before = other | (other - (other >> numba.uint64(7)))  # all ones in bytes that hold no digit
+        word = (
+            (word & five) | ((word >> eight) & sixth) | ((word << eight) & seventh)
+        )  # the point behind the digits
+        value = word ^ _NUMBER
+        other = (value + _NOT_NUMBER) & _HIGH
+        before = other | (other - (other >> numba.uint64(7)))  # all ones in bytes that hold something else
         mark = (word ^ _BLANKS) & before
-        sign = _MINUS & (before ^ (before >> numba.uint64(8)))  # what a minus before the first digit leaves
+        sign = _MINUS & (before ^ (before >> eight))  # what a minus before the first digit leaves
         minus = mark != numba.uint64(0)
-        tenth = ((word >> numba.uint64(48)) & byte) ^ numba.uint64(48)
         faults[k] = (
             (before & (before + one))
             | (mark ^ (sign if minus else numba.uint64(0)))
-            | (((word >> numba.uint64(40)) & byte) ^ point)
-            | ((tenth + nine) & numba.uint64(128))
+            | (before >> numba.uint64(40))
         )
-        digits = ((value & ~before) << numba.uint64(16)) | (tenth << numba.uint64(56))
-        pairs = digits * numba.uint64(10) + (digits >> numba.uint64(8))
+        digits = (value & ~before) << numba.uint64(16)
+        pairs = digits * numba.uint64(10) + (digits >> eight)
         number = (
-            (pairs & pair_mask) * high + ((pairs >> numba.uint64(16)) & pair_mask) * low
-        ) >> numba.uint64(32)
+            ((pairs >> numba.uint64(16)) & byte) * numba.uint64(10000)
+            + ((pairs >> numba.uint64(32)) & byte) * numba.uint64(100)
+            + ((pairs >> numba.uint64(48)) & byte)
+        )
         tenths = numba.float64(numba.int64(number))
         feet = tenths * _TENTH + tenths * _TENTH_REST
         values[k] = -feet if minus else feet
