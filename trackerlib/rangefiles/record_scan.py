@@ -25,9 +25,7 @@ _NEWLINE, _RETURN = 10, 13
 _word = np.uint64
 _BLANKS, _HIGH = _word(0x2020202020202020), _word(0x8080808080808080)
 _NUMBER = _word(0x002E303030303030)  # six zeros and the point behind them
-_NOT_NUMBER = _word(
-    0x007F767676767676
-)  # added to (word ^ _NUMBER), sets the high bit of all but digits and the point
+_NOT_NUMBER = _word(0x007F767676767676)  # added to (word ^ _NUMBER), sets the high bit of whatever differs
 _TO_HIGH = _word(0x6060606060606060)  # added to a byte, sets the high bit of all but control characters
 _EVEN, _PAIR_ONES = _word(0x00FF00FF00FF00FF), _word(0x0001000100010001)
 _LANES_HOLD = 224  # words whose bytes, 0 or 1 each, can be added up byte by byte
