@@ -14,7 +14,7 @@ import numpy as np
 from trackerlib.compiled import compiled, in_threads, warms
 
 ALONE, UNPLACED, TOO_FAR, ALONE_IN_RANGE, KEPT = range(5)  # where a report ends
-_BEFORE, _BEYOND = np.int64(-1), np.int64(1 << 40)  # below and above any row
+_BEFORE, _BEYOND = np.int64(-1 << 40), np.int64(1 << 40)  # below and above any array number
 _BLOCK = 64  # reports whose ranges are judged together
 _FEWEST = 50_000  # reports for which a thread of its own is worth its start
 

@@ -6,6 +6,7 @@ in the right order, and what number they make (tenths of a foot, whole), without
 
 from __future__ import annotations
 
+import os
 import threading
 from dataclasses import dataclass
 from itertools import pairwise
@@ -129,10 +130,13 @@ def scan_records(text: np.ndarray, start: int, first_line: int, mode: int = EVER
     # Pages that nothing is written to take no memory, so there is room for all records to be kept.
     gathering = _Gathering((len(text) - start) // (COLUMNS + 1) + 1, first_line)
 
-    def work(number: int, first: int, last: int) -> None:
-        gathering.add(number, _scan_stretch(text, first, last, mode, gathering.room()))
+    stretches = enumerate(pairwise(cuts))
 
-    in_threads(work, [(number, *ends) for number, ends in enumerate(pairwise(cuts))])
+    def work() -> None:
+        for number, (first, last) in stretches:  # each thread takes the next one
+            gathering.add(number, _scan_stretch(text, first, last, mode, gathering.room()))
+
+    in_threads(work, [()] * min(os.cpu_count() or 1, len(cuts)))
     tail = np.full(len(text) - safe + MARGIN, ord(" "), dtype=np.uint8)
     tail[: len(text) - safe] = text[safe:]
     last = _scan_stretch(tail, 0, len(text) - safe, mode, gathering.room())
@@ -188,9 +192,8 @@ def _read_numbers(words, values, faults):
     one, byte, eight = numba.uint64(1), numba.uint64(255), numba.uint64(8)
     for k in range(len(words)):
         word = words[k]
-        word = (
-            (word & five) | ((word >> eight) & sixth) | ((word << eight) & seventh)
-        )  # the point behind the digits
+        # The point goes behind the digits.
+        word = (word & five) | ((word >> eight) & sixth) | ((word << eight) & seventh)
         value = word ^ _NUMBER
         other = (value + _NOT_NUMBER) & _HIGH
         before = other | (other - (other >> numba.uint64(7)))  # all ones in bytes that hold something else
