@@ -82,8 +82,10 @@ def gate_reports(
     )
     repeats = find_repeats(vehicle.point_count[repaired], vehicle.array[repaired])
     single, choices = choose_repeats(vehicle, repaired, repeats, keep_lines)
-    unplaced = np.unique(vehicle.array[verdict == UNPLACED], return_counts=True)
-    unplaced_arrays = {int(n): int(k) for n, k in zip(*unplaced, strict=True)}
+    unplaced_arrays = {}
+    if ended[UNPLACED]:
+        unplaced = np.unique(vehicle.array[verdict == UNPLACED], return_counts=True)
+        unplaced_arrays = {int(n): int(k) for n, k in zip(*unplaced, strict=True)}
     paired = len(vehicle) - int(ended[ALONE])
     in_range = paired - int(ended[UNPLACED]) - int(ended[TOO_FAR])
     counts = GateCounts(

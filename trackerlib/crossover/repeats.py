@@ -86,7 +86,9 @@ def choose_repeats(
     keep_lines : lines of the file to keep whatever their distance, which takes a choice back
     """
     firsts = firsts[np.lexsort((tracks.array[kept[firsts]], tracks.point_count[kept[firsts]]))]
-    told = np.isin(tracks.line[kept], np.asarray(keep_lines, dtype=np.int64))
+    told = np.zeros(len(kept), np.bool_)
+    if len(keep_lines):
+        told = np.isin(tracks.line[kept], np.asarray(keep_lines, dtype=np.int64))
     most = _most_members(tracks.point_count, tracks.array, kept, firsts)
     member = np.full((len(firsts), most), -1, dtype=np.int64)
     distance = np.full((len(firsts), most), np.nan)
