@@ -6,6 +6,7 @@ in the right order, and what number they make (tenths of a foot, whole), without
 
 from __future__ import annotations
 
+import mmap
 import os
 import threading
 from dataclasses import dataclass
@@ -135,6 +136,7 @@ def scan_records(text: np.ndarray, start: int, first_line: int, mode: int = EVER
     def work() -> None:
         for number, (first, last) in stretches:  # each thread takes the next one
             gathering.add(number, _scan_stretch(text, first, last, mode, gathering.room()))
+            _let_go(text, first, last)
 
     in_threads(work, [()] * min(os.cpu_count() or 1, len(cuts)))
     tail = np.full(len(text) - safe + MARGIN, ord(" "), dtype=np.uint8)
@@ -143,6 +145,18 @@ def scan_records(text: np.ndarray, start: int, first_line: int, mode: int = EVER
     last.odd[:, 1] += safe
     gathering.add(len(cuts) - 1, last)
     return gathering.scan()
+
+
+def _let_go(text: np.ndarray, start: int, stop: int) -> None:
+    """Lets go of pages of a mapped file, which are read again if asked for.
+
+    So a large file takes no memory for long, and no single thread has to let go of all of it at the end.
+    """
+    mapped = getattr(text.base, "obj", None)  # of the memory view that an array of a mapping stands on
+    if isinstance(mapped, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        first, last = -(-start // mmap.PAGESIZE) * mmap.PAGESIZE, stop // mmap.PAGESIZE * mmap.PAGESIZE
+        if last > first:
+            mapped.madvise(mmap.MADV_DONTNEED, first, last - first)
 
 
 def _columns(records: int) -> list[np.ndarray]:
