@@ -14,6 +14,7 @@ log = logging.getLogger("workbench")
 # two of its own, so that an answer never waits for it.
 POOL = ThreadPoolExecutor(max_workers=2, thread_name_prefix="work")
 LONG_POOL = ThreadPoolExecutor(max_workers=2, thread_name_prefix="long-work")
+TOLD_EVERY_MS = 100  # a page is told how far a job is; each time takes it some 20 ms of the event loop
 
 
 class Cancelled(Exception):
@@ -104,8 +105,22 @@ class Jobs:
         done(result)
 
     def _in_thread(self, document, purpose, work, done, long) -> None:
+        newest: list[tuple[float, str]] = []  # what the page has yet to be told, one or none
+        lock = threading.Lock()
+
         def tell(share: float, text: str) -> None:
-            meanwhile(partial(self._on_state, purpose, share, text))
+            with lock:
+                awaited = bool(newest)
+                newest[:] = [(share, text)]
+            if not awaited:  # a timeout may only be asked for in the event loop
+                document.add_next_tick_callback(
+                    partial(document.add_timeout_callback, tell_newest, TOLD_EVERY_MS)
+                )
+
+        def tell_newest() -> None:
+            with lock:
+                share, text = newest.pop()
+            show_if_at_work(partial(self._on_state, purpose, share, text))
 
         def meanwhile(show: Callable[[], None]) -> None:
             document.add_next_tick_callback(partial(show_if_at_work, show))

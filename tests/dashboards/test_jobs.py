@@ -23,6 +23,10 @@ class Document:
             self.callbacks.append(callback)
             self.came.notify()
 
+    def add_timeout_callback(self, callback, milliseconds):
+        assert milliseconds > 0
+        self.add_next_tick_callback(callback)
+
     def run_one(self):
         with self.came:
             assert self.came.wait_for(lambda: self.callbacks, timeout=10), "nothing came within 10 s"
@@ -81,6 +85,28 @@ def test_two_purposes_do_not_wait_for_each_other():
     go.set()
     page.until_idle()
     assert results == ["quick", "slow"]
+
+
+def test_of_many_steps_the_page_is_told_the_newest_and_no_more_once_the_job_is_done():
+    page, stepped, go = Page(served=True), threading.Event(), threading.Event()
+
+    def work(progress):
+        for k in range(50):
+            progress(k / 50, f"step {k}")
+        stepped.set()
+        go.wait(10)
+        progress(1.0, "late")
+
+    page.jobs.start("steps", work, lambda result: None)
+    assert stepped.wait(10)
+    page.jobs.document.run_one()  # asks for the timeout
+    page.jobs.document.run_one()
+    assert page.states == [("steps", 49 / 50, "step 49")]
+    go.set()
+    page.until_idle()
+    while page.jobs.document.callbacks:
+        page.jobs.document.run_one()
+    assert page.states[-1] == ("", 0.0, "")
 
 
 def test_cancel_stops_at_the_next_progress_and_forgets_what_waits():

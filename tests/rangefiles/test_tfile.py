@@ -208,6 +208,16 @@ def test_a_letter_beyond_ascii_far_down_changes_nothing():
     agree(lines)
 
 
+def test_every_number_of_six_digits_is_read_as_division_gives_it():
+    tenths = np.arange(999_999)
+    digits = np.char.zfill(tenths.astype("S6"), 6).view(np.uint8).reshape(-1, 3, 6)
+    lines = np.tile(np.frombuffer(record(1).encode() + b"\n", np.uint8), (len(digits), 1))
+    for k, first in enumerate((8, 17, 26)):
+        lines[:, first : first + 5], lines[:, first + 6] = digits[:, k, :5], digits[:, k, 5]
+    reports = parse_tfile(lines.tobytes(), "t.dat", 0).reports
+    assert np.array_equal(reports.position.ravel(), tenths / 10.0)
+
+
 def test_stretches_of_a_file_join_without_a_seam(monkeypatch):
     rng = np.random.default_rng(6)
     lines = random_lines(rng, 700)

@@ -14,24 +14,35 @@ import numpy as np
 from trackerlib.compiled import compiled, in_threads, warms
 
 ALONE, UNPLACED, TOO_FAR, ALONE_IN_RANGE, KEPT = range(5)  # where a report ends
-_BEFORE, _BEYOND = np.int64(-1), np.int64(1 << 40)  # below and above any row
+_BEFORE, _BEYOND = np.int64(-1 << 40), np.int64(1 << 40)  # below and above any array number
+_BLOCK = 64  # reports whose ranges are judged together
 _FEWEST = 50_000  # reports for which a thread of its own is worth its start
 
 
 def judge_reports(
-    point_count: np.ndarray, array: np.ndarray, position: np.ndarray, place: np.ndarray, limit: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Where each report (N,) ends: ALONE, UNPLACED, TOO_FAR, ALONE_IN_RANGE or KEPT; and how many of each (5,).
+    point_count: np.ndarray,
+    array: np.ndarray,
+    position: np.ndarray,
+    place: np.ndarray,
+    lowest: int,
+    limit: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where each report (N,) ends: ALONE, UNPLACED, TOO_FAR, ALONE_IN_RANGE or KEPT; how many of each (5,); those KEPT.
 
-    array : (N,) row of the reporting array in `place`
-    place : (K, 3) surveyed positions, NaN where an array has none
+    array : (N,) number of the reporting array
+    place : (K, 3) surveyed positions of the arrays from number `lowest` on, NaN where one has none
     limit : greatest slant range
     """
     verdict = np.empty(len(point_count), dtype=np.uint8)
-    columns = (point_count, array, position, place, limit)
-    jobs = [(*columns, a, b, verdict) for a, b in _stretches(point_count)]
-    in_threads(_judge, jobs)
-    return verdict, np.array([np.count_nonzero(verdict == ends) for ends in range(5)])
+
+    def work(first: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
+        part = slice(first, stop)
+        _judge(point_count[part], array[part], position[part], place, lowest, limit, verdict[part])
+        ended = [np.count_nonzero(verdict[part] == ends) for ends in range(5)]
+        return np.array(ended), first + np.flatnonzero(verdict[part] == KEPT)
+
+    ended, kept = zip(*in_threads(work, _stretches(point_count)), strict=True)
+    return verdict, np.sum(ended, axis=0), np.concatenate(kept)
 
 
 def match_pairs(point_count: np.ndarray, array: np.ndarray, arrays: int) -> tuple[np.ndarray, np.ndarray]:
@@ -68,40 +79,46 @@ def _group_end(point_count, start, stop):
 
 
 @compiled
-def _judge_ranges(array, position, place, limit, verdict):
+def _judge_ranges(array, position, place, lowest, limit, verdict):
     """Fills UNPLACED, TOO_FAR or KEPT: without a branch, as which way it would go cannot be foreseen."""
-    for k in range(len(verdict)):
-        row = np.uint64(array[k])
-        x, y, z = (
-            position[k, 0] - place[row, 0],
-            position[k, 1] - place[row, 1],
-            position[k, 2] - place[row, 2],
-        )
-        square = x * x + y * y + z * z
-        verdict[k] = UNPLACED + (square == square) + 2 * (math.sqrt(square) <= limit)
+    square = np.empty(_BLOCK)
+    for first in range(0, len(verdict), _BLOCK):
+        part = verdict[first : first + _BLOCK]
+        for k in range(len(part)):
+            report, row = np.uint64(first + k), np.uint64(array[first + k] - lowest)
+            x = position[report, 0] - place[row, 0]
+            y = position[report, 1] - place[row, 1]
+            z = position[report, 2] - place[row, 2]
+            square[k] = x * x + y * y + z * z
+        # Apart, so that the compiler works on several at once: nothing is looked up here.
+        for k in range(len(part)):
+            part[k] = UNPLACED + (square[k] == square[k]) + 2 * (math.sqrt(square[k]) <= limit)
 
 
 @compiled
-def _judge(point_count, array, position, place, limit, first, stop, verdict):
-    point_count, array, verdict = point_count[first:stop], array[first:stop], verdict[first:stop]
-    _judge_ranges(array, position[first:stop], place, limit, verdict)
+def _keeps_one_array(array, verdict):
+    """Whether all that are KEPT have the same array."""
+    low, high = _BEYOND, _BEFORE
+    for k in range(len(verdict)):
+        if verdict[k] == KEPT:
+            low, high = min(low, np.int64(array[k])), max(high, np.int64(array[k]))
+    return low == high
+
+
+@compiled
+def _judge(point_count, array, position, place, lowest, limit, verdict):
+    _judge_ranges(array, position, place, lowest, limit, verdict)
     size, start = np.uint64(len(verdict)), np.uint64(0)
     while start < size:
-        one, end = point_count[start], start
-        low = kept_low = _BEYOND
-        high = kept_high = _BEFORE
+        one, number, end = point_count[start], array[start], start
+        several, best = False, verdict[start]
         while end < size and point_count[end] == one:
-            row = np.int64(array[end])
-            near = verdict[end] == KEPT
-            low, high = min(low, row), max(high, row)
-            kept_low, kept_high = (
-                min(kept_low, row if near else _BEYOND),
-                max(kept_high, row if near else _BEFORE),
-            )
+            several |= array[end] != number
+            best = max(best, verdict[end])
             end += np.uint64(1)
-        if low == high:
+        if not several:
             verdict[start:end] = ALONE
-        elif kept_low == kept_high:
+        elif best == KEPT and _keeps_one_array(array[start:end], verdict[start:end]):
             for k in range(start, end):
                 verdict[k] -= verdict[k] == KEPT
         start = end
@@ -113,8 +130,13 @@ def find_repeats(point_count, array):
     found, count = np.empty(64, np.int64), 0
     start = 0
     while start < len(point_count):
-        end = _group_end(point_count, start, len(point_count))
-        for k in range(start, end):
+        end, seen, doubtful = start, np.uint64(0), np.uint64(0)
+        while end < len(point_count) and point_count[end] == point_count[start]:
+            bit = np.uint64(1) << np.uint64(array[end] & 63)
+            doubtful |= seen & bit
+            seen |= bit
+            end += 1
+        for k in range(start, end if doubtful else start):
             earlier = later = False
             for j in range(start, k):
                 earlier |= array[j] == array[k]
@@ -145,25 +167,9 @@ def _match(point_count, array, arrays, place, matches):
         start = end
 
 
-@compiled
-def number_rows(array, low, rows, row):
-    """Fills row (N,) from the table `rows` of array number less `low`."""
-    for k in range(len(array)):
-        row[k] = rows[array[k] - low]
-
-
-@compiled
-def seen_numbers(array, low, seen):
-    """Marks the array numbers, less `low`, that occur."""
-    for number in array:
-        seen[number - low] = True
-
-
 @warms
 def _warm() -> None:
     count, rows = np.zeros(2, np.int32), np.arange(2, dtype=np.int16)
-    judge_reports(count, rows, np.zeros((2, 3)), np.zeros((2, 3)), 1.0)
+    judge_reports(count, rows, np.zeros((2, 3)), np.zeros((2, 3)), 0, 1.0)
     find_repeats(count, rows)
     match_pairs(count, rows, 2)
-    seen_numbers(rows, 0, np.zeros(2, np.bool_))
-    number_rows(rows, 0, rows, rows.copy())

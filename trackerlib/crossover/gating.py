@@ -12,18 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackerlib.compiled import in_threads
 from trackerlib.crossover.doubts import report_doubts
 from trackerlib.crossover.gate_scan import (
     ALONE,
     ALONE_IN_RANGE,
-    KEPT,
     TOO_FAR,
     UNPLACED,
     find_repeats,
     judge_reports,
     match_pairs,
-    number_rows,
-    seen_numbers,
 )  # fmt: skip
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.repeats import RepeatChoice, choose_repeats
@@ -79,14 +77,16 @@ def gate_reports(
     and counted, at the range gate. A survey later than `run_date` is warned about.
     """
     vehicle = gate_mode_and_flag(reports, mode)
-    numbers, row = _rows(vehicle.array)
-    place = _places(numbers, survey)
-    verdict, ended = judge_reports(vehicle.point_count, row, vehicle.position, place, max_slant_range_ft)
-    repaired = np.flatnonzero(verdict == KEPT)
-    repeats = find_repeats(vehicle.point_count[repaired], row[repaired])
+    lowest, place = _places(vehicle.array, survey)
+    verdict, ended, repaired = judge_reports(
+        vehicle.point_count, vehicle.array, vehicle.position, place, lowest, max_slant_range_ft
+    )
+    repeats = find_repeats(vehicle.point_count[repaired], vehicle.array[repaired])
     single, choices = choose_repeats(vehicle, repaired, repeats, keep_lines)
-    unplaced = np.bincount(row[verdict == UNPLACED], minlength=len(numbers))
-    unplaced_arrays = {int(n): int(k) for n, k in zip(numbers, unplaced, strict=True) if k}
+    unplaced_arrays = {}
+    if ended[UNPLACED]:
+        unplaced = np.unique(vehicle.array[verdict == UNPLACED], return_counts=True)
+        unplaced_arrays = {int(n): int(k) for n, k in zip(*unplaced, strict=True)}
     paired = len(vehicle) - int(ended[ALONE])
     in_range = paired - int(ended[UNPLACED]) - int(ended[TOO_FAR])
     counts = GateCounts(
@@ -100,7 +100,7 @@ def gate_reports(
         unplaced=int(ended[UNPLACED]),
     )
     some = slice(None, None, 1 + len(vehicle) // 4000)  # enough to tell feet from metres
-    sets = tuple(pair_up(vehicle.only(single), gap_counts))
+    sets = tuple(_pair_up(vehicle, single, gap_counts))
     return GatingResult(
         mode=mode,
         counts=counts,
@@ -123,8 +123,9 @@ def ready_sets(sets: Sequence[CrossoverSet]) -> GatingResult:
 
 def gate_mode_and_flag(reports: PositionReports, mode: int) -> PositionReports:
     """Gate 1: reports of one vehicle's mode without an edit mark, in order of point count."""
-    wanted = (reports.mode == mode) & ~reports.flagged
-    kept = reports if wanted.all() else reports.only(wanted)
+    kept = reports
+    if np.any(reports.flagged) or np.any(reports.mode != mode):
+        kept = reports.only((reports.mode == mode) & ~reports.flagged)
     if np.all(kept.point_count[1:] >= kept.point_count[:-1]):
         return kept
     return kept.only(np.argsort(kept.point_count, kind="stable"))
@@ -144,21 +145,30 @@ def pair_up(reports: PositionReports, gap_counts: int = GAP_COUNTS) -> list[Cros
 
     reports : each array at most once at a point count, in order of point count
     """
-    numbers, row = _rows(reports.array)
-    sizes, matches = match_pairs(reports.point_count, row, len(numbers))
+    return _pair_up(reports, np.arange(len(reports)), gap_counts)
+
+
+def _pair_up(reports: PositionReports, chosen: np.ndarray, gap_counts: int) -> list[CrossoverSet]:
+    """The same of the reports at the indices `chosen`."""
+    numbers, row = _rows(reports.array[chosen])
+    sizes, matches = match_pairs(reports.point_count[chosen], row, len(numbers))
+    both = chosen[matches]
+    point_count = reports.point_count[both[0]].astype(np.int64)
+    x, y = in_threads(reports.position.take, [(which, 0) for which in both])
+    lines = reports.line[both].T
     sets: list[CrossoverSet] = []
     end = 0
     for a, b in np.argwhere(sizes):
-        first, second = matches[:, end : end + sizes[a, b]]
-        end += sizes[a, b]
+        part = slice(end, end + sizes[a, b])
+        end = part.stop
         whole = CrossoverSet(
             pair=(int(numbers[a]), int(numbers[b])),
-            point_count=reports.point_count[first].astype(np.int64),
-            x=reports.position[first],
-            y=reports.position[second],
+            point_count=point_count[part],
+            x=x[part],
+            y=y[part],
             range_name=reports.range_name,
             source=reports.source,
-            lines=np.column_stack([reports.line[first], reports.line[second]]),
+            lines=lines[part],
         )
         sets += split_passes(whole, gap_counts)
     return sets
@@ -168,31 +178,28 @@ def split_passes(crossover: CrossoverSet, gap_counts: int) -> list[CrossoverSet]
     """Passes of a set, numbered from 1; one ends where point counts jump by more than the gap."""
     cuts = np.flatnonzero(np.diff(crossover.point_count) > gap_counts) + 1
     parts = zip([0, *cuts], [*cuts, crossover.points], strict=True)
-    return [crossover.only(slice(a, b)).numbered(number) for number, (a, b) in enumerate(parts, 1)]
+    return [crossover.only(slice(a, b), number) for number, (a, b) in enumerate(parts, 1)]
 
 
 def _rows(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Array numbers (K,) that occur, ascending, and the place of each report's array among them (N,)."""
+    lowest = int(array.min(initial=0))
+    place = array.astype(np.int64) - lowest
+    seen = np.bincount(place) > 0
+    return np.flatnonzero(seen) + lowest, (np.cumsum(seen) - 1).astype(np.int16)[place]
+
+
+def _places(array: np.ndarray, survey: ArraySurvey) -> tuple[int, np.ndarray]:
+    """Lowest of the array numbers (N,), and surveyed positions (K, 3) from it to the highest, NaN for none."""
     if not len(array):
-        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int16)
-    low, high = int(array.min()), int(array.max())
-    if high - low > 1000:
-        numbers, row = np.unique(array, return_inverse=True)
-        return numbers, row.astype(np.int16)
-    seen, row = np.zeros(high - low + 1, dtype=np.bool_), np.empty(len(array), dtype=np.int16)
-    seen_numbers(array, low, seen)
-    number_rows(array, low, (np.cumsum(seen) - 1).astype(np.int16), row)
-    return np.flatnonzero(seen) + low, row
-
-
-def _places(numbers: np.ndarray, survey: ArraySurvey) -> np.ndarray:
-    """Surveyed position (K, 3) of each array, NaN where it has none."""
-    row = survey.index_of(numbers)
-    place = np.full((len(numbers), 3), np.nan)
+        return 0, np.empty((0, 3))
+    lowest = int(array.min())
+    row = survey.index_of(np.arange(lowest, int(array.max()) + 1))
+    place = np.full((len(row), 3), np.nan)
     known = row >= 0
     known[known] = ~survey.placeholder[row[known]]
     place[known] = survey.position[row[known]]
-    return place
+    return lowest, place
 
 
 def _warnings(reports, sets, survey, mode, unplaced_arrays, run_date) -> list[str]:

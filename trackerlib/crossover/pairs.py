@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,8 +21,8 @@ class CrossoverSet:
     lines: np.ndarray | None = None  # (T, 2) lines of that file that the two versions stand in, from 1
 
     def __post_init__(self):
-        shapes = {"x": self.x.shape, "y": self.y.shape}
-        if any(shape != (len(self.point_count), 3) for shape in shapes.values()):
+        if not self.x.shape == self.y.shape == (self.points, 3):
+            shapes = {"x": self.x.shape, "y": self.y.shape}
             raise ValueError(f"a set of {self.points} point counts needs (T, 3) tracks, got {shapes}")
 
     @property
@@ -35,11 +35,15 @@ class CrossoverSet:
         """Vector from the second array's version to the first's, W = X - Y (T, 3), eq. (7)."""
         return self.x - self.y
 
-    def only(self, keep: np.ndarray | slice) -> CrossoverSet:
-        """The same set with the points where `keep` (T,) is true, or those of a slice."""
-        lines = None if self.lines is None else self.lines[keep]
-        return replace(self, point_count=self.point_count[keep], x=self.x[keep], y=self.y[keep], lines=lines)
-
-    def numbered(self, pass_number: int) -> CrossoverSet:
-        """The same set as another pass of its pair."""
-        return replace(self, pass_number=pass_number)
+    def only(self, keep: np.ndarray | slice, pass_number: int | None = None) -> CrossoverSet:
+        """The points where `keep` (T,) is true, or those of a slice, as the same pass or another of the pair."""
+        return CrossoverSet(
+            pair=self.pair,
+            point_count=self.point_count[keep],
+            x=self.x[keep],
+            y=self.y[keep],
+            pass_number=self.pass_number if pass_number is None else pass_number,
+            range_name=self.range_name,
+            source=self.source,
+            lines=None if self.lines is None else self.lines[keep],
+        )

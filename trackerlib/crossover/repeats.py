@@ -16,7 +16,8 @@ from trackerlib.crossover.reports import PositionReports
 NEIGHBOUR_COUNTS = 12  # how far in point counts a neighbour may be
 NEIGHBOURS_PER_SIDE = 5
 _MOST = 2 * NEIGHBOURS_PER_SIDE
-_PAIRS = _MOST * (_MOST - 1) // 2
+_PAIRS = 48  # room for every two of these, in whole steps of the processor
+_WEIGHT, _REACHED, _ROOM = 3 * _PAIRS, 4 * _PAIRS, 7 * _PAIRS  # rows behind those of x, y and z
 _TIE = 1e-12  # of all weight: two halves that are alike but for rounding
 _FEWEST = 500  # repeats for which a thread of its own is worth its start
 
@@ -85,7 +86,9 @@ def choose_repeats(
     keep_lines : lines of the file to keep whatever their distance, which takes a choice back
     """
     firsts = firsts[np.lexsort((tracks.array[kept[firsts]], tracks.point_count[kept[firsts]]))]
-    told = np.isin(tracks.line[kept], np.asarray(keep_lines, dtype=np.int64))
+    told = np.zeros(len(kept), np.bool_)
+    if len(keep_lines):
+        told = np.isin(tracks.line[kept], np.asarray(keep_lines, dtype=np.int64))
     most = _most_members(tracks.point_count, tracks.array, kept, firsts)
     member = np.full((len(firsts), most), -1, dtype=np.int64)
     distance = np.full((len(firsts), most), np.nan)
@@ -115,28 +118,29 @@ def resolve_repeats(
 def predict_position(point_count: int, counts: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Where a track (K, 3) at `counts` (K,) puts the vehicle at `point_count`: (3,), NaN without a neighbour.
 
-    Each two neighbours at different counts give a straight-line prediction; the answer is the median of
-    these, weighted by how little each amplifies the neighbours' noise, so that a few wild neighbours do
-    not move it.
+    Each two neighbours, of whom there are 10 at most, at different counts give a straight-line prediction; the
+    answer is the median of these, weighted by how little each amplifies the neighbours' noise, so that a few wild
+    neighbours do not move it.
     """
-    predicted, pairs = np.empty(3), max(len(counts) * (len(counts) - 1) // 2, len(counts), 1)
+    predicted, size = np.empty(3), len(counts)
+    if size > _MOST:
+        raise ValueError(f"found {size} neighbours, wanted {_MOST} at most")
     away = np.asarray(counts, np.float64) - point_count
-    places = np.asarray(positions, np.float64)
-    _predict(away, places, len(counts), np.empty((4, pairs)), np.empty(pairs), predicted)
+    _predict(away, np.asarray(positions, np.float64), size, np.empty(_ROOM), predicted)
     return predicted
 
 
 @compiled
-def _predict(away, positions, size, value, room, predicted):
-    """`predict_position` of neighbours so many counts `away`; value (4, pairs) and room (pairs) are to work in."""
+def _predict(away, positions, size, work, predicted):
+    """`predict_position` of neighbours so many counts `away`; work (_ROOM,) is to work in."""
     count = 0
     for i in range(size):
         for j in range(i + 1, size):
             if away[i] != away[j]:
                 share = -away[i] / (away[j] - away[i])
-                value[3, count] = 1.0 / math.sqrt(share * share + (1.0 - share) * (1.0 - share))
+                work[_WEIGHT + count] = 1.0 / math.sqrt(share * share + (1.0 - share) * (1.0 - share))
                 for axis in range(3):
-                    value[axis, count] = positions[i, axis] + share * (
+                    work[_PAIRS * axis + count] = positions[i, axis] + share * (
                         positions[j, axis] - positions[i, axis]
                     )
                 count += 1
@@ -144,27 +148,37 @@ def _predict(away, positions, size, value, room, predicted):
         for axis in range(3):
             predicted[axis] = np.median(positions[:size, axis].copy()) if size else np.nan
         return
-    for axis in range(3):
-        predicted[axis] = _weighted_median(value[axis], value[3], room, count)
+    for k in range(count, _PAIRS):
+        for axis in range(3):
+            work[_PAIRS * axis + k] = np.inf
+        work[_WEIGHT + k] = 0.0
+    _weighted_medians(work, count, predicted)
 
 
 @compiled
-def _weighted_median(value, weight, reached, size):
-    """The least value at which, with all values below, half of the weight is reached; `reached` is room to work in.
+def _weighted_medians(work, count, median):
+    """In x, y and z the least prediction at which, with all below, half of the weight is reached.
 
-    Weighs every value against every other: that has no branches, where sorting has one a comparison.
+    Weighs every prediction against every other, two at a time: that has no branches, where sorting has one a
+    comparison. In one array, so that the compiler sees that what is added to is not what is compared.
     """
-    reached[:size] = 0.0
+    work[_REACHED:] = 0.0
     total = 0.0
-    for j in range(size):
-        v, w = value[j], weight[j]
-        total += w
-        for i in range(size):
-            reached[i] += w if v <= value[i] else 0.0
-    half, least = (0.5 - _TIE) * total, np.inf
-    for i in range(size):
-        least = min(least, value[i] if reached[i] >= half else np.inf)
-    return least
+    for j in range(0, count, 2):
+        weight, other = work[_WEIGHT + j], work[_WEIGHT + j + 1]
+        total = total + weight + other
+        for axis in range(3):
+            row = _PAIRS * axis
+            one, two = work[row + j], work[row + j + 1]
+            for i in range(row, row + _PAIRS):
+                reached = work[_REACHED + i] + (weight if one <= work[i] else 0.0)
+                work[_REACHED + i] = reached + (other if two <= work[i] else 0.0)
+    half = (0.5 - _TIE) * total
+    for axis in range(3):
+        least = np.inf
+        for i in range(_PAIRS * axis, _PAIRS * (axis + 1)):
+            least = min(least, work[i] if work[_REACHED + i] >= half else np.inf)
+        median[axis] = least
 
 
 @compiled
@@ -202,11 +216,11 @@ def _choose(
     point_count, array, position, kept, told, keep, firsts, member, distance, chosen, neighbours, by_hand
 ):
     away, near, expected = np.empty(_MOST), np.empty((_MOST, 3)), np.empty(3)
-    value, room = np.empty((4, _PAIRS)), np.empty(_PAIRS)
+    work = np.empty(_ROOM)
     for r in range(len(firsts)):
         first = kept[firsts[r]]
         neighbours[r] = _neighbours(point_count, array, position, first, away, near)
-        _predict(away, near, neighbours[r], value, room, expected)
+        _predict(away, near, neighbours[r], work, expected)
         size, best, k = 0, firsts[r], firsts[r]
         least = np.inf
         while k < len(kept) and point_count[kept[k]] == point_count[first]:

@@ -6,6 +6,8 @@ in the right order, and what number they make (tenths of a foot, whole), without
 
 from __future__ import annotations
 
+import mmap
+import os
 import threading
 from dataclasses import dataclass
 from itertools import pairwise
@@ -23,14 +25,18 @@ _STRETCH_BYTES = 8_000_000  # what is kept of so many stays in the cache until i
 _NEWLINE, _RETURN = 10, 13
 
 _word = np.uint64
-_BLANKS, _ZEROS, _HIGH = _word(0x2020202020202020), _word(0x3030303030303030), _word(0x8080808080808080)
-_NOT_DIGIT = _word(0x7676767676767676)  # added to (byte ^ '0'), sets the high bit of all but digits
+_BLANKS, _HIGH = _word(0x2020202020202020), _word(0x8080808080808080)
+_NUMBER = _word(0x002E303030303030)  # six zeros and the point behind them
+_NOT_NUMBER = _word(0x007F767676767676)  # added to (word ^ _NUMBER), sets the high bit of whatever differs
 _TO_HIGH = _word(0x6060606060606060)  # added to a byte, sets the high bit of all but control characters
 _EVEN, _PAIR_ONES = _word(0x00FF00FF00FF00FF), _word(0x0001000100010001)
 _LANES_HOLD = 224  # words whose bytes, 0 or 1 each, can be added up byte by byte
 _MINUS = _word(0x0D0D0D0D0D0D0D0D)  # '-' ^ ' ' in every byte
 _NO_MARK = 0x2020
 _LINES = 64  # looked at together
+# A tenth in two parts, the first so short that its product with a number of six digits is exact: the sum of both
+# products is then rounded once, to what a division by ten gives, which takes five times as long.
+_TENTH, _TENTH_REST = float.fromhex("0x1.99999998p-4"), float.fromhex("0x1.999999999999ap-36")
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,16 +131,32 @@ def scan_records(text: np.ndarray, start: int, first_line: int, mode: int = EVER
     # Pages that nothing is written to take no memory, so there is room for all records to be kept.
     gathering = _Gathering((len(text) - start) // (COLUMNS + 1) + 1, first_line)
 
-    def work(number: int, first: int, last: int) -> None:
-        gathering.add(number, _scan_stretch(text, first, last, mode, gathering.room()))
+    stretches = enumerate(pairwise(cuts))
 
-    in_threads(work, [(number, *ends) for number, ends in enumerate(pairwise(cuts))])
+    def work() -> None:
+        for number, (first, last) in stretches:  # each thread takes the next one
+            gathering.add(number, _scan_stretch(text, first, last, mode, gathering.room()))
+            _let_go(text, first, last)
+
+    in_threads(work, [()] * min(os.cpu_count() or 1, len(cuts)))
     tail = np.full(len(text) - safe + MARGIN, ord(" "), dtype=np.uint8)
     tail[: len(text) - safe] = text[safe:]
     last = _scan_stretch(tail, 0, len(text) - safe, mode, gathering.room())
     last.odd[:, 1] += safe
     gathering.add(len(cuts) - 1, last)
     return gathering.scan()
+
+
+def _let_go(text: np.ndarray, start: int, stop: int) -> None:
+    """Lets go of pages of a mapped file, which are read again if asked for.
+
+    So a large file takes no memory for long, and no single thread has to let go of all of it at the end.
+    """
+    mapped = getattr(text.base, "obj", None)  # of the memory view that an array of a mapping stands on
+    if isinstance(mapped, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        first, last = -(-start // mmap.PAGESIZE) * mmap.PAGESIZE, stop // mmap.PAGESIZE * mmap.PAGESIZE
+        if last > first:
+            mapped.madvise(mmap.MADV_DONTNEED, first, last - first)
 
 
 def _columns(records: int) -> list[np.ndarray]:
@@ -180,43 +202,44 @@ def _read_numbers(words, values, faults):
 
     The words are independent and hold no branch, so that the compiler works on several at once.
     """
-    five = numba.uint64(0xFFFFFFFFFF)
-    one, byte, point, nine = numba.uint64(1), numba.uint64(255), numba.uint64(46), numba.uint64(0x76)
-    high, low = numba.uint64(0x000F424000000064), numba.uint64(0x0000271000000001)
-    pair_mask = numba.uint64(0x000000FF000000FF)
+    five, sixth, seventh = _word(0xFFFFFFFFFF), _word(0xFF << 40), _word(0xFF << 48)
+    one, byte, eight = numba.uint64(1), numba.uint64(255), numba.uint64(8)
     for k in range(len(words)):
         word = words[k]
-        value = (word ^ _ZEROS) & five
-        other = (value + _NOT_DIGIT) & _HIGH & five
-        before = other | (other - (other >> numba.uint64(7)))  # all ones in bytes that hold no digit
+        # The point goes behind the digits.
+        word = (word & five) | ((word >> eight) & sixth) | ((word << eight) & seventh)
+        value = word ^ _NUMBER
+        other = (value + _NOT_NUMBER) & _HIGH
+        before = other | (other - (other >> numba.uint64(7)))  # all ones in bytes that hold something else
         mark = (word ^ _BLANKS) & before
-        sign = _MINUS & (before ^ (before >> numba.uint64(8)))  # what a minus before the first digit leaves
+        sign = _MINUS & (before ^ (before >> eight))  # what a minus before the first digit leaves
         minus = mark != numba.uint64(0)
-        tenth = ((word >> numba.uint64(48)) & byte) ^ numba.uint64(48)
         faults[k] = (
             (before & (before + one))
             | (mark ^ (sign if minus else numba.uint64(0)))
-            | (((word >> numba.uint64(40)) & byte) ^ point)
-            | ((tenth + nine) & numba.uint64(128))
+            | (before >> numba.uint64(40))
         )
-        digits = ((value & ~before) << numba.uint64(16)) | (tenth << numba.uint64(56))
-        pairs = digits * numba.uint64(10) + (digits >> numba.uint64(8))
+        digits = (value & ~before) << numba.uint64(16)
+        pairs = digits * numba.uint64(10) + (digits >> eight)
         number = (
-            (pairs & pair_mask) * high + ((pairs >> numba.uint64(16)) & pair_mask) * low
-        ) >> numba.uint64(32)
-        feet = numba.int64(number) / 10.0
+            ((pairs >> numba.uint64(16)) & byte) * numba.uint64(10000)
+            + ((pairs >> numba.uint64(32)) & byte) * numba.uint64(100)
+            + ((pairs >> numba.uint64(48)) & byte)
+        )
+        tenths = numba.float64(numba.int64(number))
+        feet = tenths * _TENTH + tenths * _TENTH_REST
         values[k] = -feet if minus else feet
 
 
 @compiled
-def _take_words(text, place, step, words, faults, arrays, modes, marks):
-    """Fills words (4, n) with the columns of count, x, y and z of n records `step` apart, and the small columns.
+def _take_words(text, place, step, many, words, faults, arrays, modes, marks):
+    """Fills words (4, n) with the columns of count, x, y and z of so many records `step` apart, and the small columns.
 
     `faults` gets what is wrong with array number, mode and the count's last digit.
     """
     five, tail = numba.uint64(0xFFFFFFFFFF), numba.uint64(0x00302E0000000000)  # '.0' behind five columns
     zero, ten, byte = numba.uint64(48), numba.uint64(9), numba.uint64(255)
-    for k in range(len(modes)):
+    for k in range(many):
         begin, end = _load(text, place), _load(text, place + 60)
         words[0, k] = (begin & five) | tail
         words[1, k] = _load(text, place + 8)
@@ -245,7 +268,8 @@ def _is_plain(text, aligned, place, stop, lines, step):
     found, strange = numba.uint64(0), numba.uint64(0)
     for begin in range(first, last, _LANES_HOLD):
         lanes = numba.uint64(0)
-        for word in aligned[begin : min(begin + _LANES_HOLD, last)]:
+        for k in range(begin, min(begin + _LANES_HOLD, last)):
+            word = aligned[numba.uint64(k)]
             strange |= word
             lanes += (~(word + _TO_HIGH) & _HIGH) >> numba.uint64(7)
         pairs = (lanes & _EVEN) + ((lanes >> numba.uint64(8)) & _EVEN)
@@ -287,8 +311,8 @@ def _pick(modes, marks, wrong, faulty, wanted, many, of_mode, pick):
     for k in range(many):
         if faulty and wrong[k]:
             continue
-        of_mode[k & 3, modes[k]] += 1
-        pick[picked] = k
+        of_mode[numba.uint64(k & 3), numba.uint64(modes[k])] += 1
+        pick[numba.uint64(picked)] = k
         picked += (wanted < 0) | ((modes[k] == wanted) & (marks[k] == _NO_MARK))
     return picked
 
@@ -301,6 +325,7 @@ def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode
     """
     words, faults = np.empty((4, _LINES), np.uint64), np.empty((4, _LINES), np.uint64)
     values, wrong = np.empty((4, _LINES), np.float64), np.empty(_LINES, np.bool_)
+    flat = words.reshape(4 * _LINES), values.reshape(4 * _LINES), faults.reshape(4 * _LINES)
     arrays, modes, marks = np.empty(_LINES, np.int64), np.empty(_LINES, np.int64), np.empty(_LINES, np.int64)
     odd, odds = np.empty((16, 3), np.int64), 0
     of_mode, pick = np.zeros((4, 10), np.int64), np.empty(_LINES, np.int64)
@@ -315,8 +340,8 @@ def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode
                 foreign = True
                 break
             usual, step = max(length, COLUMNS), length + 1
-        _take_words(text, place, step, words, wrong[:many], arrays[:many], modes[:many], marks[:many])
-        _read_numbers(words.reshape(4 * _LINES), values.reshape(4 * _LINES), faults.reshape(4 * _LINES))
+        _take_words(text, place, step, many, words, wrong, arrays, modes, marks)
+        _read_numbers(*flat)
         faulty = _join_faults(faults, wrong, many) or step <= COLUMNS
         if faulty:
             for k in range(many):
@@ -329,8 +354,8 @@ def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode
         if first < 0 and odds < lines + many:
             first = lines + int(np.argmin(wrong[:many]))
         for j in range(picked):
-            k, to = pick[j], kept + j
-            line[to], count[to] = lines + k, values[0, k]
+            k, to = numba.uint64(pick[j]), numba.uint64(kept + j)
+            line[to], count[to] = lines + pick[j], values[0, k]
             position[to, 0], position[to, 1], position[to, 2] = values[1, k], values[2, k], values[3, k]
             array[to], mode[to], flagged[to] = arrays[k], modes[k], marks[k] != _NO_MARK
         kept += picked

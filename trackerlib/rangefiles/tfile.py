@@ -317,8 +317,10 @@ def _header_warnings(head: list[str], first_line: int) -> list[str]:
 
 
 def _is_record(line: str) -> bool:
-    row = np.frombuffer(line[:COLUMNS].ljust(COLUMNS).encode("latin-1"), dtype=np.uint8)[None, :]
-    return all(parse_numbers(row[:, f.first - 1 : f.last], f.decimals)[1][0] for f in FIELDS)
+    row = np.frombuffer(line[:COLUMNS].encode("latin-1"), dtype=np.uint8)[None, :]
+    return len(line) >= COLUMNS and all(
+        parse_numbers(row[:, f.first - 1 : f.last], f.decimals)[1][0] for f in FIELDS
+    )
 
 
 def _sound_speed_table(head: list[str]) -> np.ndarray:
