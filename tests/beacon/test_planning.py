@@ -299,7 +299,7 @@ def test_after_a_straight_line_the_plan_leaves_the_line():
 def test_time_to_reach_agrees_with_the_plan():
     pings = survey()
     fix = fix_beacon(pings, SETTINGS)
-    base = surveys_so_far(pings, fix, SETTINGS)[0]
+    base = surveys_so_far(pings, fix, SETTINGS)
     wanted = 0.5 * np.sqrt(np.trace(plan_next_leg(pings, fix, SETTINGS).now))
     seconds = time_to_reach(base, wanted, 5.0)
     plan = plan_next_leg(pings, fix, SETTINGS, budget_s=seconds)

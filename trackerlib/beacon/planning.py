@@ -355,10 +355,7 @@ def plan_next_leg(
     if not 0.1 <= speed_mps <= 20:
         raise ValueError(f"speed_mps is {speed_mps:g}; wanted 0.1 to 20")
     surveys = surveys_so_far(pings, fix, settings)
-    legs = candidate_legs(surveys[0], budget_s, speed_mps)
-    legs += [
-        leg for other in surveys[1:] for leg in candidate_legs(other, budget_s, speed_mps) if leg.over_beacon
-    ]
+    legs = _candidates(surveys, budget_s, speed_mps)
     forecasts = sorted((forecast_leg(surveys, leg) for leg in legs), key=lambda forecast: forecast.rms_m)
     worse_s = worse_after(surveys, forecasts[0].leg)
     return Plan(tuple(forecasts), surveys[0].now, worse_s, surveys[0].speed_now_mps)
@@ -367,6 +364,12 @@ def plan_next_leg(
 def forecast_leg(surveys: list[Survey], leg: Leg) -> Forecast:
     """How well the beacon would be known after a leg, for the place that it tells least of."""
     return max((survey.after(leg) for survey in surveys), key=lambda forecast: forecast.rms_m)
+
+
+def _candidates(surveys: list[Survey], budget_s: float, speed_mps: float) -> list[Leg]:
+    """Those of the likeliest place, and the ones over every other place that fits."""
+    first, *others = (candidate_legs(survey, budget_s, speed_mps) for survey in surveys)
+    return first + [leg for legs in others for leg in legs if leg.over_beacon]
 
 
 def candidate_legs(survey: Survey, budget_s: float, speed_mps: float) -> list[Leg]:
@@ -433,14 +436,17 @@ def accuracy_map(surveys: list[Survey], half_width_m: float, speed_mps: float, c
 
 
 def time_to_reach(
-    survey: Survey, wanted_m: float, speed_mps: float, longest_s: float = 86_400.0
+    surveys: list[Survey], wanted_m: float, speed_mps: float, longest_s: float = 86_400.0
 ) -> float | None:
-    """Least time [s] of a straight leg after which the expected error is `wanted_m`, or None within `longest_s`."""
+    """Least time [s] of a straight leg after which the expected error is `wanted_m`, or None within `longest_s`.
+
+    Where several places fit, each leg is judged by the place for which it does least.
+    """
     if not wanted_m > 0:
         raise ValueError(f"wanted_m is {wanted_m:g}; wanted more than 0")
 
     def best(budget_s: float) -> float:
-        return min(survey.after(leg).rms_m for leg in candidate_legs(survey, budget_s, speed_mps))
+        return min(forecast_leg(surveys, leg).rms_m for leg in _candidates(surveys, budget_s, speed_mps))
 
     low, high = 0.0, 60.0
     while best(high) > wanted_m:

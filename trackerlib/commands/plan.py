@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> dict:
         surveys = surveys_so_far(pings, fix, settings)
         seconds = None
         if args.wanted_m is not None:
-            seconds = time_to_reach(surveys[0], args.wanted_m, args.ship_speed_mps)
+            seconds = time_to_reach(surveys, args.wanted_m, args.ship_speed_mps)
     except ValueError as error:
         raise InputError(error) from None
     if args.route is not None:
