@@ -77,6 +77,27 @@ def test_a_train_at_a_multiple_takes_what_stands_between_and_nothing_beside(divi
         assert np.ptp(number[train.rows] - train.emission) == 0
 
 
+@pytest.mark.parametrize("apart_s", [0.0133, 0.3])
+def test_followers_that_changed_places_are_of_one_pinger_if_one_is_of_echoes(apart_s):
+    """After a gap the one goes from the pings to their echoes, and what it leaves makes another of both."""
+    rng = np.random.default_rng(1)
+    number = np.flatnonzero(rng.random(150) > 0.3)
+    late = rng.random(len(number)) < 0.4
+    arrival = 0.31 + 2.0 * number + apart_s * late
+    first = np.where(number < 60, ~late, late) & (number < 140)
+    second = np.where(number < 60, late, ~late) & (number > 35)
+    trains = [Numbered(number[mine] - number[mine][0], np.flatnonzero(mine)) for mine in (first, second)]
+    found = at_own_interval(trains, arrival, 0.4, 1e-3)
+    if apart_s > 0.1:
+        assert [len(each.rows) for each in found] == sorted((len(each.rows) for each in trains), reverse=True)
+        return
+    (train,) = found
+    assert np.ptp(number[train.rows] - train.emission) == 0
+    assert np.all(np.diff(train.emission) > 0)
+    assert train.emission[-1] >= 145
+    assert len(train.rows) > max(len(each.rows) for each in trains)
+
+
 def test_interval_and_drift_have_true_sigmas():
     errors = []
     for seed in range(60):

@@ -23,7 +23,8 @@ LEAST_SHARE = 0.25  # of the places between that must be filled
 LEAST_SURPRISE = 10.0  # minus log probability that chance fills them
 EQUAL = 1e-3  # relative difference of intervals that are the same
 ECHO_S = 0.1  # at most, between a ping and an echo that takes its place
-STAND_INS = 0.7  # of a train's arrivals, and it is echoes
+STAND_INS = 0.7  # of a train's arrivals where the other goes on, and they are one pinger's
+LEAST_STAND_INS = 6  # to number the rest of such a train by
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,12 @@ def at_own_interval(
     done.sort(key=lambda train: -len(train.rows))
     kept: list[Numbered] = []
     for train in done:
-        if not any(_stands_in(train, other, time_s, jitter_s) for other in kept):
+        for k, other in enumerate(kept):
+            whole = _with_stand_ins(train, other, time_s, jitter_s)
+            if whole is not None:
+                kept[k] = whole
+                break
+        else:
             kept.append(train)
     return kept
 
@@ -133,14 +139,26 @@ def _nearest(time_s: np.ndarray, wanted_s: np.ndarray) -> np.ndarray:
     return np.where(np.abs(time_s[before] - wanted_s) < np.abs(time_s[after] - wanted_s), before, after)
 
 
-def _stands_in(train: Numbered, other: Numbered, time_s: np.ndarray, jitter_s: float) -> bool:
-    """Whether the train is made of what came in the place of pings that the other one misses.
+def _with_stand_ins(train: Numbered, other: Numbered, time_s: np.ndarray, jitter_s: float) -> Numbered | None:
+    """The other train with what this one adds at its ends, if this one came in the place of pings that it misses.
 
-    Those are echoes; or the pings, where the longer train is one of echoes.
+    Those are echoes; or the pings, where the longer train is one of echoes: after a gap a follower may have gone from
+    the one to the other, and what it left then made a train of its own. None if they are two pingers'.
     """
     number = np.arange(other.emission[0], other.emission[-1] + 1)
     expected_s = np.interp(number, other.emission, time_s[other.rows])
-    place = _nearest(expected_s, time_s[train.rows])
-    lag_s = np.abs(time_s[train.rows] - expected_s[place])
+    here = time_s[train.rows]
+    place = _nearest(expected_s, here)
+    lag_s = np.abs(here - expected_s[place])
     echo = ~np.isin(number[place], other.emission) & (lag_s > jitter_s) & (lag_s <= ECHO_S)
-    return bool(echo.mean() >= STAND_INS)
+    before, after = here < expected_s[0] - ECHO_S, here > expected_s[-1] + ECHO_S
+    if echo.sum() < STAND_INS * np.sum(~before & ~after):
+        return None
+    times = round(train.interval_s(time_s) / other.interval_s(time_s))
+    begin = number[place[echo]] - times * train.emission[echo]
+    if echo.sum() < LEAST_STAND_INS or np.ptp(begin) > 0:
+        return other if echo.mean() >= STAND_INS else None
+    ours = begin[0] + times * train.emission
+    emission = np.concatenate([ours[before], other.emission, ours[after]])
+    rows = np.concatenate([train.rows[before], other.rows, train.rows[after]])
+    return Numbered(emission - emission[0], rows)
