@@ -19,6 +19,7 @@ TAIL = 30.0  # log likelihood below the best that no longer matters
 SERIES = 0.02  # log likelihood below which three terms are exact to 1e-7, and a difference is not
 SHARE = 0.95  # of the posterior that 1.96 sigma hold
 SPREAD = 1.959964
+WEAK = 0.12  # shrinkage u of pulses that only luck lifts over a threshold, -8.7 dB
 OVERSHOOT = 2.5  # of the greatest log likelihood above the signal-to-noise ratio: 1 and, as the greatest, 3/2
 
 
@@ -199,10 +200,11 @@ def log_likelihood(buffer, first, phase, count, length, rotation, noise):
 
 
 @compiled
-def posterior_time(likelihood):
+def posterior_time(likelihood, threshold, lucky):
     """Mean, standard error [samples] and largest log likelihood of a pulse's begin, any begin as likely before.
 
     likelihood : (N,) of begins up to a pulse before and after the loudest: noise may have shown it in a wrong place
+    threshold : log likelihood below which the pulse would not have been told; lucky : see `told_weight`
     A gate that opens between two samples first shows in the later one, so sample n stands for begins in (n-1, n],
     all alike. The standard error is a 1.96th of the half width round the mean that holds 95 % of the posterior.
     """
@@ -210,7 +212,7 @@ def posterior_time(likelihood):
     below = np.zeros(len(likelihood) + 1)  # probability of a begin before n - 1
     moment = 0.0
     for n in range(len(likelihood)):
-        weight = fading_weight(likelihood[n], best) if likelihood[n] > best - TAIL else 0.0
+        weight = told_weight(likelihood[n], best, threshold, lucky) if likelihood[n] > best - TAIL else 0.0
         below[n + 1] = below[n] + weight
         moment += weight * (n - 0.5)
     mean = moment / below[-1]
@@ -223,6 +225,19 @@ def posterior_time(likelihood):
         else:
             high = half
     return mean, high / SPREAD, best
+
+
+@compiled
+def told_weight(likelihood, best, threshold, lucky):
+    """Weight of a begin, over exp(best), of a pulse that is told because it passed a threshold.
+
+    lucky : share of weak pulses among those there may be
+    A weak pulse passes when noise lifts it, and is timed by that noise. Given that it passed, its likelihood is over
+    the probability of that: (1 - u) exp(u z) over exp(-(1 - u) threshold) for one of Rayleigh amplitude. It matters
+    for what comes near the threshold and for nothing far above it.
+    """
+    weak = lucky * (1 - WEAK) * np.exp(threshold + WEAK * (likelihood - threshold) - best)
+    return fading_weight(likelihood, best) + weak
 
 
 @compiled
@@ -260,4 +275,4 @@ def _warm() -> None:
     advance(buffer, 1100, -20, 0, (48000, 1000, 10, 1), mixing, rotation, iq, power, scale)
     log_levels(power[20:30], scale[0], scale[1], np.empty(10, np.uint8))
     local_maxima(power, 15, 20, 10, censored_mean(power[::10], 3))
-    posterior_time(log_likelihood(buffer, 0, 0, 50, 480, rotation, 1.0))
+    posterior_time(log_likelihood(buffer, 0, 0, 50, 480, rotation, 1.0), 10.0, 1e-3)
