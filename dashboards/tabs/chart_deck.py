@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from pathlib import Path
 
 from dashboards.session import Session
-from dashboards.tabs.chart_live import hunt_file, named_port, raw_log_beside
+from dashboards.tabs.chart_live import hunt_file, hunt_of_ranges, named_port, raw_log_beside
 from trackerlib.live.deck_pings import RangePlacer
 from trackerlib.live.navigation_feed import FeedStatus, NavigationFeed
 from trackerlib.textfiles import InputError
@@ -68,15 +67,9 @@ class LiveDeck:
                 self.placer.hear(heard_s, found)
         for ping in self.placer.pings(time.time()):
             if self._queue is None:
-                self._begin_hunt()
+                self._queue = hunt_of_ranges(self.session, f"deck unit on {self._feeds[0].name}")
             self._queue.push(ping)
             self.placed += 1
-
-    def _begin_hunt(self) -> None:
-        session = self.session
-        if session.pings is not None and session.pings.simulated:  # the demo's water is not real
-            session.fix_settings = replace(session.fix_settings, profile=None)
-        self._queue = session.listen(f"deck unit on {self._feeds[0].name}")
 
     def disconnect(self) -> str:
         """Stops listening; what was heard stays. What could not be kept, in words, or ""."""

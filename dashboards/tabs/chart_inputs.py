@@ -10,7 +10,7 @@ import numpy as np
 from dashboards.jobs import Cancelled
 from dashboards.tabs.chart_controls import DECK, RECEIVER, RECORDING, SIMULATION, STORED, SURVEY
 from dashboards.tabs.chart_sources import RecordedSound, SimulatedHuntSound, stored_hunt
-from dashboards.tabs.chart_words import deck_words, feed_words, position_notes, receiver_words
+from dashboards.tabs.chart_words import deck_words, feed_words, position_notes, ranges_words, receiver_words
 from trackerlib.live.navigation_file import BeginUnknown, read_navigation_file
 from trackerlib.receiver.recording_start import instant_in
 from trackerlib.rounding import value_with_sigma
@@ -219,8 +219,8 @@ class Inputs:
                 raise InputError(lost)
             self.session.say("Disconnected; what was heard stays")
             return
+        turnaround_s = 1e-3 * (c.turnaround.value or 0.0)
         if c.source.value == DECK:
-            turnaround_s = 1e-3 * (c.turnaround.value or 0.0)
             self.deck.connect(c.address.value, c.positions.value, turnaround_s, c.folder.value)
             self._tell()
             return
@@ -232,6 +232,7 @@ class Inputs:
             c.rate.value or 1.0,
             c.folder.value,
             c.positions.value,
+            turnaround_s,
         )
         self.roll = self._rolls[RECEIVER] = self.live.roll
         self._redraw()
@@ -248,8 +249,11 @@ class Inputs:
             kept = "" if live.file is None or status is None else str(live.file)
             measured = (math.nan, math.nan) if status is None else live.receiver.measured_sample_interval_s
             words = receiver_words(status, len(live.followed[0]), live.unplaced, kept, measured)
-            feed = live.feed_status
-            self.status_words.object = words if feed is None else f"{words}<br>{feed_words(feed)}"
+            if live.feed is not None:
+                words += f"<br>{feed_words(live.feed_status)}"
+                if live.placer.ranges:
+                    words += f"<br>{ranges_words(live.placer, live.placed)} {live.which_hunt}"
+            self.status_words.object = words
 
     def _take_measured(self) -> None:
         """Fills in the sample interval that the line tells, for what is heard and connected from now on."""

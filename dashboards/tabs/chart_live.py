@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dashboards.live import PingQueue
 from dashboards.session import Session
 from trackerlib.beacon.navigation import NavigationFixes, ship_at_receptions
 from trackerlib.beacon.pings import Ping
+from trackerlib.live.deck_pings import RangePlacer
 from trackerlib.live.navigation_feed import FeedStatus, NavigationFeed
 from trackerlib.live.navigation_stream import Fix
 from trackerlib.live.ports import Port, PortError, open_port
@@ -95,6 +97,13 @@ def raw_log_beside(file: SessionFile | None, name: str) -> RawLog | None:
     return None if file is None else RawLog(file.path.parent, name)
 
 
+def hunt_of_ranges(session: Session, source: str, simulated: bool = False) -> PingQueue:
+    """A new hunt of the session, with the ranges of a deck unit."""
+    if session.pings is not None and session.pings.simulated:  # the demo's water is not real
+        session.fix_settings = replace(session.fix_settings, profile=None)
+    return session.listen(source, simulated)
+
+
 @dataclass
 class _Following:
     """What is known of one run of the receiver."""
@@ -119,8 +128,11 @@ class LiveReceiver:
         self.threshold, self.feeding = 0.0, True
         self.said = b""  # of the line, since the terminal last asked
         self.file: Path | None = None
+        self.placer: RangePlacer | None = None  # of ranges that come on the line of the positions
+        self.placed = 0  # of these, given to the hunt
         self._followed: _Following | None = None
         self._queue = None
+        self._of_ranges = False  # whether the hunt is of ranges; they and arrivals lack different constants
         self._simulated = False
         self._where, self._interval_s = "", 2.0
         self._fixes: list[tuple[float, float, float, float]] = []
@@ -147,12 +159,14 @@ class LiveReceiver:
         rate: float,
         folder: str,
         positions: str = "",
+        turnaround_s: float = 0.0,
     ) -> None:
         """Begins to poll a receiver. Raises InputError for an address, folder or setting that makes no sense.
 
         interval_s : of the pinger; rate : of the receiver's time against ours, 1 but for emulators
         folder : where the hunt is kept, "" for nowhere
         positions : the line that positions come from, "" for the receiver's own
+        turnaround_s : of the transponder whose ranges come on that line too, if any do
         """
         self.disconnect()
         port, beside = named_port(where), named_port(positions) if positions.strip() else None
@@ -171,7 +185,9 @@ class LiveReceiver:
         if beside is not None:
             raw_log = raw_log_beside(file, f"{label}positions")
             self.feed = NavigationFeed(beside, file, raw_log, host_time=clock.at)
+            self.placer = RangePlacer(turnaround_s, self.session.fix_settings.hydrophone_depth_m)
         self._followed, self._queue, self._fixes = None, None, []
+        self._of_ranges, self.placed = False, 0
         self._new_roll()
         self._label_file()
         self.receiver.start()
@@ -220,6 +236,14 @@ class LiveReceiver:
         return None if self.feed is None else self.feed.status
 
     @property
+    def which_hunt(self) -> str:
+        """Which of ranges and arrivals the beacon fix is given, in words; "" before there is one."""
+        if self._queue is None:
+            return ""
+        given, kept = ("ranges", "arrivals") if self._of_ranges else ("arrivals", "ranges")
+        return f"The fix is of {given}, which came first; {kept} are kept beside it: the two lack different constants."
+
+    @property
     def followed(self) -> tuple[np.ndarray, np.ndarray]:
         """Numbers and times of arrival of the pings handed on in this run."""
         if self._followed is None:
@@ -247,9 +271,7 @@ class LiveReceiver:
         if b"SIMULATED" in said and not self._simulated:
             self._simulated = self.roll.simulated = True
             self._label_file()
-        for heard_s, found in self.feed.poll() if self.feed is not None else ():
-            if isinstance(found, Fix):
-                self.receiver.take_fix(heard_s, found)
+        self._take_beside()
         news = self.receiver.poll()
         begun = bool(news.periods) and (self._followed is None or news.run != self._followed.run)
         if begun:
@@ -257,7 +279,8 @@ class LiveReceiver:
             self._followed = _Following(news.run, PingFollower(self._interval_s, self.threshold))
             if again:
                 self._new_roll()
-                self._queue = None
+                if not self._of_ranges:
+                    self._queue = None
                 self.session.say("The receiver began to sample anew: new paper, and a new hunt")
         self._fixes += [(fix.time_s, fix.lat_deg, fix.lon_deg, fix.hdop) for fix in news.fixes]
         del self._fixes[:-KEPT_FIXES]
@@ -272,6 +295,23 @@ class LiveReceiver:
             self._hand_on(self._followed)
         return begun
 
+    def _take_beside(self) -> None:
+        """Takes what came on the line of the positions, and hands on the ranges whose place is known."""
+        if self.feed is None:
+            return
+        for heard_s, found in self.feed.poll():
+            self.placer.hear(heard_s, found)
+            if isinstance(found, Fix):
+                self.receiver.take_fix(heard_s, found)
+        for ping in self.placer.pings(self.receiver.clock.now()):
+            if not self.feeding or (self._queue is not None and not self._of_ranges):
+                continue
+            if self._queue is None:
+                self._queue = hunt_of_ranges(self.session, f"deck unit on {self.feed.name}", self._simulated)
+                self._of_ranges = True
+            self._queue.push(ping)
+            self.placed += 1
+
     def _new_roll(self) -> None:
         self.roll = MarkRoll(f"receiver on {self._where}", self._simulated)
 
@@ -285,7 +325,7 @@ class LiveReceiver:
 
     def _hand_on(self, following: _Following) -> None:
         """Gives the hunt the pings whose place is known by now."""
-        if not self.feeding:
+        if not self.feeding or self._of_ranges:
             following.waiting.clear()
             return
         times = np.array([ping.arrival_s for ping in following.waiting])

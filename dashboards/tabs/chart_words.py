@@ -116,14 +116,8 @@ def feed_words(feed: FeedStatus, what: str = "Positions from") -> str:
     return " ".join(words)
 
 
-def deck_words(feeds: tuple[FeedStatus, ...], placer: RangePlacer | None, placed: int, kept: str) -> str:
-    """How a deck unit on its line does, as HTML."""
-    if not feeds or placer is None:
-        return (
-            "<b>No deck unit is connected.</b> Name its serial device, <code>tcp:HOST:PORT</code> or "
-            "<code>udp:PORT</code>, and where the ship's positions come from if not on the same line, and press "
-            "Connect. Lines such as <code>RNG: TX = 11.0 RX = 12.0 time = 08.807 Sec.</code> are wanted."
-        )
+def ranges_words(placer: RangePlacer, placed: int) -> str:
+    """What became of a deck unit's ranges, as HTML."""
     words = [
         f"<b>{placer.ranges} ranges of the deck unit</b>, {placer.no_reply} without a reply; {placed} pings given to "
         "the beacon fix, of half the time each, turnaround off."
@@ -132,6 +126,18 @@ def deck_words(feeds: tuple[FeedStatus, ...], placer: RangePlacer | None, placed
         words.append(f"{placer.too_short} were shorter than the turnaround.")
     if placer.unplaced:
         words.append(f"{placer.unplaced} had no ship's position.")
+    return " ".join(words)
+
+
+def deck_words(feeds: tuple[FeedStatus, ...], placer: RangePlacer | None, placed: int, kept: str) -> str:
+    """How a deck unit on its line does, as HTML."""
+    if not feeds or placer is None:
+        return (
+            "<b>No deck unit is connected.</b> Name its serial device, <code>tcp:HOST:PORT</code> or "
+            "<code>udp:PORT</code>, and where the ship's positions come from if not on the same line, and press "
+            "Connect. Lines such as <code>RNG: TX = 11.0 RX = 12.0 time = 08.807 Sec.</code> are wanted."
+        )
+    words = [ranges_words(placer, placed)]
     if kept:
         words.append(f"Kept in {html.escape(kept)}.")
     return " ".join(words) + "".join(f"<br>{feed_words(feed, 'Line')}" for feed in feeds)

@@ -57,7 +57,7 @@ def test_from_its_lines_to_pings_and_a_file(tab):
         assert not tab.session.failed, tab.session.message
         assert tab.controls_.connect.label == "Disconnect"
         line, _ = unit.accept()
-        sail(tab, line, lambda data: gps.sendto(data, ("127.0.0.1", number)))
+        sail(tab, line.sendall, lambda data: gps.sendto(data, ("127.0.0.1", number)), lambda: tab.deck.placed)
         line.close()
     tab.session.tick(0.1)
     pings, path = tab.session.pings, tab.deck.file
@@ -82,22 +82,52 @@ def test_from_its_lines_to_pings_and_a_file(tab):
     assert "ranges of a deck unit" in tab.session.message
 
 
-def sail(tab, line, send_position):
+def sail(tab, send_range, send_position, placed):
     """Two seconds on a circle about the beacon, a range of it at every fourth position; one lost, one spoilt."""
     slant_s = np.linalg.norm(place(0) - BEACON_M) / SOUND_MPS
     for k in range(44):
         send_position(gga(time.time(), k))
         if k % 4 == 3:
             told = {19: "--.---", 23: "8"}.get(k, f"{2 * slant_s:06.3f}")
-            line.sendall(f"RNG: TX = 11.0 RX = 12.0 time = {told} Sec.\r\n".encode())
+            send_range(f"RNG: TX = 11.0 RX = 12.0 time = {told} Sec.\r\n".encode())
         tab.tick(STEP_S)
         tab.session.tick(STEP_S)
         time.sleep(STEP_S)
     end = time.monotonic() + 5
-    while time.monotonic() < end and tab.deck.placed < 7:
+    while time.monotonic() < end and placed() < 7:
         tab.tick(0.1)
         tab.session.tick(0.1)
         time.sleep(0.02)
+
+
+def test_ranges_on_the_line_of_positions_beside_a_receiver_are_pings(tab):
+    tab.controls_.source.value = "receiver"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        number = probe.getsockname()[1]
+    tab.controls_.address.value = "tcp:127.0.0.1:1"  # nobody answers there
+    tab.controls_.positions.value = f"udp:{number}"
+    tab.controls_.connect.clicks += 1
+    assert not tab.session.failed, tab.session.message
+    with socket.socket(type=socket.SOCK_DGRAM) as out:
+
+        def send(data):
+            out.sendto(data, ("127.0.0.1", number))
+
+        sail(tab, send, send, lambda: tab.live.placed)
+    tab.tick(0.1)
+    tab.session.tick(0.1)
+    pings, path = tab.session.pings, tab.live.file
+    assert len(pings) == tab.live.placed >= 7
+    assert not pings.simulated
+    there = FRAME.to_local(pings.lat_deg, pings.lon_deg, np.zeros(len(pings)))
+    slant_m = np.linalg.norm(np.asarray(there) - BEACON_M, axis=1)
+    assert np.abs(slant_m - SOUND_MPS * pings.travel_time_s).max() < 2.0
+    assert f"{tab.live.placer.ranges} ranges of the deck unit" in tab.status_words.object
+    assert "The fix is of ranges, which came first" in tab.status_words.object
+    tab.controls_.connect.clicks += 1
+    assert not tab.session.listening
+    assert len(read_session(path).ranges) == tab.live.placer.ranges
 
 
 def test_one_line_for_both_is_told(tab):

@@ -172,8 +172,13 @@ def test_positions_of_a_line_of_their_own_place_the_pings(tab):
         assert until(tab, lambda: tab.session.pings is not None and len(tab.session.pings) > 25), (
             tab.live.status
         )
+        gps.out.sendto(b"RNG: TX = 11.0 RX = 12.0 time = 03.807 Sec.\r\n", ("127.0.0.1", number))
+        assert until(tab, lambda: tab.live.placer.ranges == 1)
+        tab.tick(0.1)
+        assert "The fix is of arrivals, which came first; ranges are kept" in tab.status_words.object
     finally:
         gps.close()
+    assert tab.live.placed == 0
     assert until(tab, lambda: tab.live.feed_status.positions == tab.live.status.positions, 5)
     assert f"Positions from udp:{number}" in tab.status_words.object
     assert "1 of a sentence that cannot be read" in tab.status_words.object
@@ -186,6 +191,7 @@ def test_positions_of_a_line_of_their_own_place_the_pings(tab):
     assert tab.live.feed is None
     recorded = read_session(path)
     assert len(recorded.fixes) > 50
+    assert len(recorded.ranges) == 1
     assert (path.parent / f"SIMULATED-positions-{datetime.now(UTC):%Y-%m-%d}.raw").stat().st_size > 1000
     tab._try(lambda: tab._open_stored(path))
     tab.controls_.accept.clicks += 1
