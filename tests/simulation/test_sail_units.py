@@ -6,11 +6,20 @@ import json
 
 import numpy as np
 import pytest
+from sounds import heard, pulses_at, sound_of
 
+from trackerlib.receiver.report_receiver import ReceiverSettings, ReportReceiver
 from trackerlib.receiver.sail import FIRST_BAUD
-from trackerlib.simulation.beacon_levels import SimulatedHunt, largest_sums, moving_sums, spreading_loss
+from trackerlib.simulation.beacon_levels import (
+    SimulatedHunt,
+    controller_maxima,
+    largest_sums,
+    moving_sums,
+    spreading_loss,
+)
 from trackerlib.simulation.hexagon import SCENARIOS
 from trackerlib.simulation.sail_units import SailLine
+from trackerlib.simulation.sound import joined_pulses
 
 
 class Clock:
@@ -111,6 +120,44 @@ def test_the_largest_sums_keep_their_distance():
     sums = np.array([0, 9, 8, 0, 0, 0, 7, 7, 0, 3])
     assert [(one.value, one.index) for one in largest_sums(sums, 3, 2)] == [(9, 1), (7, 7), (0, 4)]
     assert moving_sums(np.ones(15, int)).tolist() == [*range(1, 12), 11, 11, 11, 11]
+
+
+@pytest.mark.parametrize(
+    ("peaks", "with_edges", "without"),
+    [
+        ({400: 900, 1000: 1500}, [1000, 400], [1000, 400]),  # in the middle both are right
+        ({1000: 1500, 1990: 1600}, [1990, 150], [1990, 1000]),  # the first maximum lost
+        ({1000: 1500, 1990: 1200}, [1000, 150], [1000, 1990]),  # the lesser one passed over
+        ({5: 1500, 1000: 1200}, [5, 1000], [5, 1000]),
+    ],
+)
+def test_the_original_loses_a_signal_to_a_loud_one_near_the_end_of_a_period(peaks, with_edges, without):
+    sums = np.full(2000, 100)
+    sums[150] = 200
+    sums[list(peaks)] = list(peaks.values())
+    assert [one.index for one in controller_maxima(sums, 2, 20)] == with_edges
+    assert [one.index for one in largest_sums(sums, 2, 20)] == without
+
+
+def test_the_fault_at_the_end_of_a_period_is_on_the_line_and_not_in_our_chain():
+    """One sound, a signal at 0.5 s and a louder one at 1.985 s, through our chain and through the emulated line."""
+    settings = ReceiverSettings()
+    pulses = joined_pulses(pulses_at(0.5, 30), pulses_at(1.985, 40))
+    levels, arrivals = heard(ReportReceiver(settings, 48_000.0), sound_of(pulses, 4.0))
+    ours = arrivals.arrival_s[arrivals.period == 0]
+    assert ours == pytest.approx([1.985, 0.5], abs=3e-4)
+    replies = []
+    for faults in ((), ("edges",)):
+        clock, line = line_with(*faults)
+        line.receiver.hunt.codes = lambda *asked: levels[:2000].astype(np.int64)
+        line.answer(b"#PTR O--")
+        clock.now_s = 2.0
+        reply = line.answer(b"#PTR -")[9:].lstrip(b"-")
+        replies.append([int(reply[k : k + 4], 16) for k in (4, 12)])
+    right, wrong = (1e-3 * np.array(each) - 0.010 for each in replies)
+    assert right == pytest.approx([1.985, 0.5], abs=5e-3)
+    assert wrong[0] == pytest.approx(1.985, abs=5e-3)
+    assert abs(wrong[1] - 0.5) > 0.02
 
 
 def test_spreading_and_absorption():

@@ -110,3 +110,27 @@ def largest_sums(sums: np.ndarray, number: int, window: int) -> tuple[Maximum, .
         found.append(Maximum(max(int(left[k]), 0), k))
         left[max(k - window, 0) : k + window + 1] = -1
     return tuple(found)
+
+
+def controller_maxima(sums: np.ndarray, number: int, window: int) -> tuple[Maximum, ...]:
+    """What the controller's own program makes of the sums of a period, its mistakes at both ends included.
+
+    Within a window of either end a sum not below the first maximum takes its place, wherever that was, and moves
+    nothing down; a lesser one within a window of the end is passed over.
+    """
+    value, index, count = [0] * number, [0] * number, len(sums)
+    for k, total in enumerate(sums.tolist()):
+        if total < value[-1]:
+            continue
+        place = 0
+        if total < value[0]:
+            place = next((m for m in range(1, number) if total >= value[m]), number)
+            if place == number or k - index[place - 1] < window or count - k < window:
+                continue
+        end = place == 0 and (k < window or count - k <= window)
+        if not end and k - window > index[place]:
+            value.insert(place, total)
+            index.insert(place, k)
+            del value[-1], index[-1]
+        value[place], index[place] = total, k
+    return tuple(Maximum(*each) for each in zip(value, index, strict=True))

@@ -30,11 +30,12 @@ from trackerlib.receiver.sail import (
     Maximum,
     ReceiverParameters,
 )
-from trackerlib.simulation.beacon_levels import SimulatedHunt, largest_sums, moving_sums
+from trackerlib.simulation.beacon_levels import SimulatedHunt, controller_maxima, largest_sums, moving_sums
 
 FAULTS = {
     "deaf": "a bad baud code leaves the receiver deaf until a hardware reset",
     "gain-step": "no step from 9 to 12 dB: the automatic gain falls from 9 to 0",
+    "edges": "a loud signal near the end of a period takes the place of the first maximum, which is lost",
     "clock": "the receiver's sample interval is 1.0005 ms, so 2000 samples are 2.001 s",
     "echo": "a character is not echoed now and then",
     "parity": "the units send even parity, now and then a wrong one",
@@ -169,7 +170,8 @@ class ReceiverUnit(Unit):
     def _end_period(self, period: int) -> None:
         codes = self.hunt.codes(self._period_began, period, self.sample_s, self.attenuation_db)
         number = min(max(self.memory[MAXIMA_ADDRESS] // 2, 1), MOST_MAXIMA)
-        self._unsent = [largest_sums(moving_sums(codes), number, self._word(WINDOW_ADDRESS))]
+        maxima_of = controller_maxima if "edges" in self.faults else largest_sums
+        self._unsent = [maxima_of(moving_sums(codes), number, self._word(WINDOW_ADDRESS))]
         if self.automatic:
             self.attenuation_db = self._stepped(int(codes.max()))
 
