@@ -131,6 +131,30 @@ def test_a_stream_gives_the_same_answer_with_bounded_memory():
         assert rows == dict(zip(train.rows.tolist(), train.emission.tolist(), strict=True))
 
 
+@pytest.mark.parametrize("divisor", [2, 3])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_stream_brings_a_train_at_a_multiple_to_its_interval_as_a_batch_does(divisor, seed):
+    """For 80 s only every second or third ping is loud enough; a second pinger at 2.5 s all the while."""
+    rng = np.random.default_rng(seed)
+    one, number = heard(rng, 2.0, 400, first_s=0.31, missing=0.2)
+    one = one[(number % divisor == 0) | (number > 40)]
+    two, _ = heard(rng, 2.5, 400, first_s=1.02)
+    arrival = np.sort(np.concatenate([one, two]))
+    tracker, last_word, intervals = IntervalTracker(), {}, []
+    for time_s in arrival:
+        last_word |= {each.row: (each.train, each.emission) for each in tracker.feed([time_s])}
+        intervals.append(sorted(round(each, 1) for each in tracker.interval_s.values()))
+    assert divisor == 3 or [2.5, 4.0] in intervals
+    assert intervals[-1] == [2.0, 2.5]
+    last_word |= {each.row: (each.train, each.emission) for each in tracker.finish()}
+    told = {}
+    for row, (train, emission) in sorted(last_word.items()):
+        if train >= 0:
+            told.setdefault(train, []).append((row, emission))
+    batch = [list(zip(each.rows.tolist(), each.emission.tolist(), strict=True)) for each in separate(arrival)]
+    assert sorted(told.values()) == sorted(batch)
+
+
 def next_of(known, row):
     return next(each.train for each in known if each.row == row)
 

@@ -45,7 +45,8 @@ class PingFollower:
     def __init__(self, interval_s: float, threshold: float = 0.0):
         self.interval_s, self.threshold = interval_s, threshold
         jitter_s = min(JITTER_S, interval_s / 20)
-        self._tracker = IntervalTracker((interval_s * (1 - WITHIN), interval_s * (1 + WITHIN)), jitter_s)
+        within = (interval_s * (1 - WITHIN), interval_s * (1 + WITHIN))
+        self._tracker = IntervalTracker(within, jitter_s, joins=False)  # no multiple of it is looked for
         self._times: list[float] = []  # told to the tracker, by row
         self._train, self._base = -1, 0  # followed, and emission number of its first ping
         self._last: FollowedPing | None = None

@@ -9,6 +9,7 @@ sound.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -21,15 +22,16 @@ LEAST_SHARE = 0.4  # of its pings that a train must show to be found
 LEAST_SURPRISE = 40.0  # minus log probability that chance makes a chain: takes about a dozen pings
 BEND = 2e-4  # greatest change of the interval looked for, relative, a second: a turn, or a pass at 85 m
 PATIENCE = 60  # pings missed in a row after which a train has ended
+REVIEW = 8  # pings heard, after which is looked anew whether trains are at their pingers' intervals
 
 
 @dataclass(frozen=True)
 class Assigned:
-    """One arrival put in its place."""
+    """One arrival put in its place; the last word on an arrival counts."""
 
     row: int  # of the arrival, counted from the first one told
-    train: int  # from 0 in the order found
-    emission: int  # pings since the train's first
+    train: int  # from 0 in the order found; -1 if it is in none after all
+    emission: int  # pings since the train's first; -1 in none
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +57,9 @@ class _Follower:
     state: np.ndarray  # (2,) its time, the interval
     covariance: np.ndarray
     jitter_s: float
+    heard: deque[tuple[int, int, float]]  # emission, row and time of the last pings
     gap: int = 0  # pings missed since the last one heard
-    candidates: list[tuple[float, int]] = field(default_factory=list)  # distance, row
+    candidates: list[tuple[float, int, float]] = field(default_factory=list)  # distance, row, time
 
     @property
     def half_width_s(self) -> float:
@@ -82,11 +85,17 @@ class IntervalTracker:
     """Puts arrivals in their trains as they come, with memory for the last few hundred only.
 
     interval_s : shortest and longest interval looked for; jitter_s : standard error of an arrival
+    joins : whether a train found at a multiple of its pinger's interval, or of echoes beside another, gives way to one
+        at that interval (`at_own_interval`): a new train, which tells anew the place of what is remembered
     Arrivals must come in order of time. Echoes make trains of their own: leave them out first (`echoes.direct`).
     """
 
     def __init__(
-        self, interval_s: tuple[float, float] = (0.4, 20.0), jitter_s: float = 1e-3, memory: int = 300
+        self,
+        interval_s: tuple[float, float] = (0.4, 20.0),
+        jitter_s: float = 1e-3,
+        memory: int = 300,
+        joins: bool = True,
     ):
         if not 0 < interval_s[0] < interval_s[1]:
             raise ValueError(f"interval_s is {interval_s}; wanted the shortest and the longest, above 0")
@@ -94,7 +103,8 @@ class IntervalTracker:
             raise ValueError(
                 f"jitter_s is {jitter_s:g}; wanted above 0 and below a 16th of the shortest interval"
             )
-        self._range, self._jitter_s, self._memory = interval_s, jitter_s, memory
+        self._range, self._jitter_s, self._memory, self._joins = interval_s, jitter_s, memory, joins
+        self._unreviewed = 0  # pings heard since the last review
         self._followers: list[_Follower] = []
         self._loose: list[tuple[float, int]] = []  # time and row of arrivals in no train
         self._told, self._found, self._last_s = 0, 0, -np.inf
@@ -118,12 +128,17 @@ class IntervalTracker:
             if not self._offer(self._last_s, self._told):
                 known += self._acquire()
             self._told += 1
+            if self._joins and self._unreviewed >= REVIEW:
+                known += self._review()
             del self._loose[: -self._memory]
         return tuple(known)
 
     def finish(self) -> tuple[Assigned, ...]:
         """What the end of the stream makes known."""
         known = [each for follower in self._followers for each in self._commit(follower)]
+        if self._joins:
+            known += self._review()
+            known += [each for follower in self._followers for each in self._commit(follower)]
         self._followers = []
         return tuple(known)
 
@@ -135,7 +150,7 @@ class IntervalTracker:
         nearest = min(waiting, default=(np.inf, 0, None))
         if nearest[0] > 1:
             return False
-        nearest[2].candidates.append((time_s - nearest[2].state[0], row))
+        nearest[2].candidates.append((time_s - nearest[2].state[0], row, time_s))
         return True
 
     def _settle(self, now_s: float) -> list[Assigned]:
@@ -153,8 +168,10 @@ class IntervalTracker:
         if not follower.candidates:
             follower.gap += 1
             return []
-        departure_s, row = min(follower.candidates, key=lambda each: abs(each[0]))
+        departure_s, row, time_s = min(follower.candidates, key=lambda each: abs(each[0]))
         follower.candidates = []
+        follower.heard.append((follower.emission, row, time_s))
+        self._unreviewed += 1
         follower.gap = 0
         follower.correct(departure_s)
         self._loose = [each for each in self._loose if each[1] != row]
@@ -169,16 +186,15 @@ class IntervalTracker:
             return []
         steps = int(members.max())
         inside = np.flatnonzero(members >= 0)
-        follower = self._start(time_s[inside], steps - members[inside])
-        known = [Assigned(self._loose[k][1], follower.number, int(steps - members[k])) for k in inside]
-        self._loose = [each for k, each in enumerate(self._loose) if members[k] < 0]
-        return known
+        rows = [self._loose[k][1] for k in inside]
+        return self._start(time_s[inside], steps - members[inside], rows)
 
-    def _start(self, time_s: np.ndarray, emission: np.ndarray) -> _Follower:
-        """A follower that has already heard these arrivals."""
+    def _start(self, time_s: np.ndarray, emission: np.ndarray, rows: list[int]) -> list[Assigned]:
+        """Adds a follower that has already heard these arrivals; they are in no other train then."""
         slope = (time_s[-1] - time_s[0]) / (emission[-1] - emission[0])
         covariance = np.diag([self._jitter_s**2, (0.004 * slope) ** 2])
-        follower = _Follower(self._found, 0, np.array([time_s[0], slope]), covariance, self._jitter_s)
+        heard = deque(zip(emission.tolist(), rows, time_s.tolist(), strict=True), self._memory)
+        follower = _Follower(self._found, 0, np.array([time_s[0], slope]), covariance, self._jitter_s, heard)
         for each_s, number in zip(time_s, emission, strict=True):
             while follower.emission < number:
                 follower.step()
@@ -186,7 +202,50 @@ class IntervalTracker:
         follower.step()
         self._found += 1
         self._followers.append(follower)
-        return follower
+        self._loose = [each for each in self._loose if each[1] not in rows]
+        return [Assigned(row, follower.number, number) for number, row, _ in heard]
+
+    def _review(self) -> list[Assigned]:
+        """Brings what is remembered of the trains to their pingers' intervals."""
+        self._unreviewed = 0
+        of = {each.number: each for each in self._followers if len(each.heard) > 2}
+        if not of:
+            return []
+        heard = [(row, time_s) for each in self._followers for _, row, time_s in each.heard]
+        rows, time_s = np.array(sorted([*heard, *((row, time_s) for time_s, row in self._loose)])).T
+        trains = {}
+        for number, follower in of.items():
+            emission, mine, _ = np.array(follower.heard).T
+            trains[number] = Numbered((emission - emission[0]).astype(int), np.searchsorted(rows, mine))
+        fresh = []
+        for whole in at_own_interval(list(trains.values()), time_s, self._range[0], self._jitter_s):
+            same = [number for number, train in trains.items() if np.array_equal(train.rows, whole.rows)]
+            if same:
+                del of[same[0]]
+            else:
+                fresh.append(whole)
+        self._followers = [each for each in self._followers if each.number not in of]
+        left = [(time, row) for each in of.values() for _, row, time in each.heard]
+        known = [Assigned(row, -1, -1) for _, row in left]
+        for whole in fresh:
+            mine = rows[whole.rows].astype(int).tolist()
+            self._loose = sorted({*self._loose, *(each for each in left if each[1] > mine[-1])})
+            known += self._start(time_s[whole.rows], whole.emission, mine)
+            known += self._catch_up(self._followers[-1])
+        return known
+
+    def _catch_up(self, follower: _Follower) -> list[Assigned]:
+        """Lets a follower that was started late hear what came after its last ping."""
+        known: list[Assigned] = []
+        taken = {row for each in self._followers for _, row, _ in each.candidates}
+        for time_s, row in [each for each in self._loose if each[0] > follower.heard[-1][2]]:
+            while follower.state[0] + follower.half_width_s < time_s:
+                known += self._commit(follower)
+                follower.step()
+            departure_s = time_s - follower.state[0]
+            if row not in taken and abs(departure_s) <= follower.half_width_s:
+                follower.candidates.append((departure_s, row, time_s))
+        return known
 
 
 def separate(
@@ -195,13 +254,13 @@ def separate(
     """The trains among arrivals (N,) [s, any order], the longest first; none if chance could have made them all.
 
     interval_s : shortest and longest interval looked for; jitter_s : standard error of an arrival
-    The answer is that of an IntervalTracker that heard the arrivals one by one, but for trains found at a multiple of
-    their pinger's interval (`at_own_interval`): those need all arrivals.
+    The answer is that of an IntervalTracker that heard the arrivals one by one, but that trains are brought to their
+    pingers' intervals by all arrivals at once, not by those that it remembers.
     """
     arrival_s = np.asarray(arrival_s, float)
     order = np.argsort(arrival_s, kind="stable")
     order = order[np.isfinite(arrival_s[order])]
-    tracker = IntervalTracker(interval_s, jitter_s)
+    tracker = IntervalTracker(interval_s, jitter_s, joins=False)
     known = [*tracker.feed(arrival_s[order]), *tracker.finish()]
     found = []
     for number in sorted({each.train for each in known}):

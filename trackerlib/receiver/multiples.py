@@ -140,17 +140,18 @@ def _nearest(time_s: np.ndarray, wanted_s: np.ndarray) -> np.ndarray:
 
 
 def _with_stand_ins(train: Numbered, other: Numbered, time_s: np.ndarray, jitter_s: float) -> Numbered | None:
-    """The other train with what this one adds at its ends, if this one came in the place of pings that it misses.
+    """The other train with what this one adds, if this one came in the place of pings that it misses.
 
-    Those are echoes; or the pings, where the longer train is one of echoes: after a gap a follower may have gone from
-    the one to the other, and what it left then made a train of its own. None if they are two pingers'.
+    Those are the pings; or echoes of them, which add at its ends only, or the pings of a train of echoes: after a gap
+    a follower may have gone from the one to the other, and what it left then made a train of its own. None if they
+    are two pingers'.
     """
     number = np.arange(other.emission[0], other.emission[-1] + 1)
     expected_s = np.interp(number, other.emission, time_s[other.rows])
     here = time_s[train.rows]
     place = _nearest(expected_s, here)
     lag_s = np.abs(here - expected_s[place])
-    echo = ~np.isin(number[place], other.emission) & (lag_s > jitter_s) & (lag_s <= ECHO_S)
+    echo = ~np.isin(number[place], other.emission) & (lag_s <= ECHO_S)
     before, after = here < expected_s[0] - ECHO_S, here > expected_s[-1] + ECHO_S
     if echo.sum() < STAND_INS * np.sum(~before & ~after):
         return None
@@ -158,7 +159,8 @@ def _with_stand_ins(train: Numbered, other: Numbered, time_s: np.ndarray, jitter
     begin = number[place[echo]] - times * train.emission[echo]
     if echo.sum() < LEAST_STAND_INS or np.ptp(begin) > 0:
         return other if echo.mean() >= STAND_INS else None
-    ours = begin[0] + times * train.emission
-    emission = np.concatenate([ours[before], other.emission, ours[after]])
-    rows = np.concatenate([train.rows[before], other.rows, train.rows[after]])
-    return Numbered(emission - emission[0], rows)
+    adds = before | after | (echo & (lag_s <= 4 * jitter_s))
+    emission = np.concatenate([other.emission, begin[0] + times * train.emission[adds]])
+    order = np.argsort(emission)
+    emission = emission[order]
+    return Numbered(emission - emission[0], np.concatenate([other.rows, train.rows[adds]])[order])
