@@ -1,8 +1,11 @@
-"""A GPS over UDP beside the receiver: positions kept as they come, refusals counted, one clock for both."""
+"""A GPS by UDP or serial line beside the receiver: positions kept, refusals counted, cables pulled, one clock."""
 
 from __future__ import annotations
 
+import os
+import pty
 import socket
+import tty
 
 import pytest
 from waiting import until
@@ -12,6 +15,7 @@ from trackerlib.live.navigation_feed import NavigationFeed
 from trackerlib.live.navigation_stream import DeckUnitRange, Fix
 from trackerlib.live.nmea import checksum
 from trackerlib.live.ports import UdpPort, open_port
+from trackerlib.live.raw_log import RawLog
 from trackerlib.live.session_file import SessionFile, raw_of, read_session
 from trackerlib.receiver.periods import Period
 from trackerlib.receiver.sail import Maximum
@@ -49,6 +53,58 @@ def test_positions_ranges_and_refusals_of_datagrams(tmp_path):
     assert "wanted" in feed.status.last_refused
     assert [found for _, found in read_session(tmp_path / "s").fixes] == [fix]
     assert [data for _, _, data in raw_of(tmp_path / "s")] == sent
+
+
+class Cable:
+    """A GPS's serial line: a pseudo-terminal under a name that stays, as a USB converter's does."""
+
+    def __init__(self, device):
+        self.device, self.said = device, 0
+
+    def plug_in(self):
+        self.master, slave = pty.openpty()
+        tty.setraw(slave)
+        self.device.symlink_to(os.ttyname(slave))
+        return slave
+
+    def pull(self, slave):
+        self.device.unlink()
+        os.close(self.master)
+        os.close(slave)
+
+    def say(self, data):
+        self.said += os.write(self.master, data)
+
+
+def test_a_serial_line_is_read_and_read_again_when_its_cable_was_pulled(tmp_path):
+    cable = Cable(tmp_path / "ttyGPS")
+    with SessionFile(tmp_path / "s") as file:
+        feed = NavigationFeed(open_port(f"{cable.device}@4800"), file, RawLog(tmp_path, "gps"))
+        feed.start()
+        assert until(lambda: feed.status.reader.state == "waiting")
+        assert "no such device" in feed.status.reader.words
+        for k, rest in ((0, b""), (10, b"$GPGGA,120020,4807.0"), (30, b"")):
+            slave = cable.plug_in()
+            assert until(lambda: feed.status.reader.state == "connected")
+            for second in range(k, k + 10):
+                sentence = gga(f"1200{second:02d}")
+                cable.say(sentence[:30])  # a driver gives a sentence in pieces
+                cable.say(sentence[30:])
+            cable.say(rest)
+            assert until(lambda: feed.status.reader.bytes == cable.said), feed.status
+            cable.pull(slave)
+            assert until(lambda: feed.status.reader.state == "waiting")
+        assert until(lambda: feed.status.positions == 30)
+        heard = feed.poll()
+        feed.stop()
+    assert feed.status.reader.reconnects == 2
+    assert feed.status.reader.cut == 1  # the sentence that the cable ended
+    assert not feed.status.refused
+    seconds = [fix.time_s % 60 for _, fix in heard]
+    assert seconds == [*range(20), *range(30, 40)]
+    assert [found for _, found in read_session(tmp_path / "s").fixes] == [fix for _, fix in heard]
+    (day_file,) = tmp_path.glob("gps-*.raw")
+    assert day_file.read_bytes().count(b"$GPGGA") == 31
 
 
 def test_its_positions_and_the_receiver_s_arrivals_come_on_one_clock(tmp_path):
