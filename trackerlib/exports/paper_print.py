@@ -11,6 +11,8 @@ import numpy as np
 from trackerlib import __version__
 
 WIDTH_IN, MARGIN_IN = 8.27, 0.75  # A4
+PAPER_IN = WIDTH_IN - 1.6 * MARGIN_IN  # across the lines
+CM_AN_INCH = 2.54
 LINES_AN_INCH = 60.0
 SHORTEST_IN, LONGEST_IN = 4.0, 40.0
 DPI = 150
@@ -41,9 +43,7 @@ def print_paper(paper: PaperPrint, layout: str, now: datetime | None = None) -> 
     high = float(np.clip(len(paper.lines) / LINES_AN_INCH, SHORTEST_IN, LONGEST_IN))
     figure = Figure(figsize=(WIDTH_IN, high + 2 * MARGIN_IN + 0.5), dpi=DPI)
     whole = figure.get_figheight()
-    axes = figure.add_axes(
-        (MARGIN_IN / WIDTH_IN, MARGIN_IN / whole, 1 - 1.6 * MARGIN_IN / WIDTH_IN, high / whole)
-    )
+    axes = figure.add_axes((MARGIN_IN / WIDTH_IN, MARGIN_IN / whole, PAPER_IN / WIDTH_IN, high / whole))
     last = paper.first_line + len(paper.lines)
     axes.imshow(
         paper.lines,
@@ -58,7 +58,10 @@ def print_paper(paper: PaperPrint, layout: str, now: datetime | None = None) -> 
         axes.plot(*paper.curve, color="#CC3377", linewidth=1)
     if paper.marks is not None:
         axes.plot(*paper.marks, linestyle="none", marker="s", markersize=3, fillstyle="none", color="#CC3377")
-    axes.set(xlabel="arrival, folded (s)", ylabel="line of paper", xlim=(0, paper.interval_s))
+    across = f"1 cm is {paper.interval_s / PAPER_IN / CM_AN_INCH:.4g} s"
+    down = f"1 cm is {len(paper.lines) / high / CM_AN_INCH:.4g} lines"
+    axes.set(xlim=(0, paper.interval_s))
+    axes.set(xlabel=f"arrival, folded (s): {across}", ylabel=f"line of paper: {down}")
     axes.set_ylim(last, paper.first_line)
     when = (now or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%MZ")
     label = "SIMULATED · " if paper.simulated else ""
