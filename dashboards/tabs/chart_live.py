@@ -241,7 +241,7 @@ class LiveReceiver:
         if self._queue is None:
             return ""
         given, kept = ("ranges", "arrivals") if self._of_ranges else ("arrivals", "ranges")
-        return f"The fix is of {given}, which came first; {kept} are kept beside it: the two lack different constants."
+        return f"The fix is of {given}, which came first; {kept} are only kept, for their times lack another constant."
 
     @property
     def followed(self) -> tuple[np.ndarray, np.ndarray]:
@@ -279,9 +279,10 @@ class LiveReceiver:
             self._followed = _Following(news.run, PingFollower(self._interval_s, self.threshold))
             if again:
                 self._new_roll()
+                hunt = "the hunt of ranges goes on" if self._of_ranges else "a new hunt"
                 if not self._of_ranges:
                     self._queue = None
-                self.session.say("The receiver began to sample anew: new paper, and a new hunt")
+                self.session.say(f"The receiver began to sample anew: new paper, and {hunt}")
         self._fixes += [(fix.time_s, fix.lat_deg, fix.lon_deg, fix.hdop) for fix in news.fixes]
         del self._fixes[:-KEPT_FIXES]
         if news.periods:

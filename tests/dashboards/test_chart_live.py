@@ -175,7 +175,7 @@ def test_positions_of_a_line_of_their_own_place_the_pings(tab):
         gps.out.sendto(b"RNG: TX = 11.0 RX = 12.0 time = 03.807 Sec.\r\n", ("127.0.0.1", number))
         assert until(tab, lambda: tab.live.placer.ranges == 1)
         tab.tick(0.1)
-        assert "The fix is of arrivals, which came first; ranges are kept" in tab.status_words.object
+        assert "The fix is of arrivals, which came first; ranges are only kept" in tab.status_words.object
     finally:
         gps.close()
     assert tab.live.placed == 0

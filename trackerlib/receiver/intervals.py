@@ -202,7 +202,8 @@ class IntervalTracker:
         follower.step()
         self._found += 1
         self._followers.append(follower)
-        self._loose = [each for each in self._loose if each[1] not in rows]
+        taken = set(rows)
+        self._loose = [each for each in self._loose if each[1] not in taken]
         return [Assigned(row, follower.number, number) for number, row, _ in heard]
 
     def _review(self) -> list[Assigned]:

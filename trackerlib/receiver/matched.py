@@ -21,9 +21,7 @@ NOISE_SHARE = 0.75  # of them that it uses, the weakest: up to a quarter may hol
 FEWEST_CELLS = 8  # of a stream that is searched at all
 QUIETEST = 1e-7  # noise of digital silence, rms a sample over full scale
 LUCKY = 3e-3  # of the pulses that there may be are so weak that only luck lifts them over the threshold
-EXPECTED = (
-    5  # intervals: what was heard where a pulse of one of them would come makes the next no matter of luck
-)
+EXPECTED = 5  # intervals in which a pulse heard in its place makes the next one no matter of luck
 PLACE = 0.1  # of an interval: half width of where it would come
 NOTHING = joined([])
 
@@ -92,10 +90,8 @@ class ModernDetector:
         # arrival_s, sigma_s, log likelihood and power of arrivals in periods that are not over
         self._open: list[tuple[float, ...]] = []
         self._before_s: list[float] = []  # arrivals of the last few intervals
-        noise = (
-            false_alarm * 2 * PLACE * EXPECTED * interval_s * matched.cells_per_s
-        )  # cells of it in these places
-        self._sparse = noise < 0.1
+        places = 2 * PLACE * EXPECTED * interval_s * matched.cells_per_s  # cells in which those would come
+        self._sparse = false_alarm * places < 0.1  # noise hardly ever stands in one
 
     def feed(self, samples: np.ndarray) -> Heard:
         """Levels of the milliseconds and arrivals of the periods that samples (K,), integers or floats, complete.
