@@ -65,7 +65,8 @@ class LiveDeck:
         for feed in self._feeds:
             for heard_s, found in feed.poll():
                 self.placer.hear(heard_s, found)
-        for ping in self.placer.pings(time.time()):
+        where = self.session.position_limits, self.session.antenna_offset_m
+        for ping in self.placer.pings(time.time(), *where):
             if self._queue is None:
                 self._queue = hunt_of_ranges(self.session, f"deck unit on {self._feeds[0].name}")
             self._queue.push(ping)

@@ -186,6 +186,8 @@ class LiveReceiver:
             raw_log = raw_log_beside(file, f"{label}positions")
             self.feed = NavigationFeed(beside, file, raw_log, host_time=clock.at)
             self.placer = RangePlacer(turnaround_s, self.session.fix_settings.hydrophone_depth_m)
+            if file is not None:
+                file.add_settings({"turnaround_s": turnaround_s})
         self._followed, self._queue, self._fixes = None, None, []
         self._of_ranges, self.placed = False, 0
         self._new_roll()
@@ -304,7 +306,8 @@ class LiveReceiver:
             self.placer.hear(heard_s, found)
             if isinstance(found, Fix):
                 self.receiver.take_fix(heard_s, found)
-        for ping in self.placer.pings(self.receiver.clock.now()):
+        where = self.session.position_limits, self.session.antenna_offset_m
+        for ping in self.placer.pings(self.receiver.clock.now(), *where):
             if not self.feeding or (self._queue is not None and not self._of_ranges):
                 continue
             if self._queue is None:

@@ -8,6 +8,7 @@ import sqlite3
 import numpy as np
 import pytest
 
+from trackerlib.beacon.navigation import PositionLimits
 from trackerlib.live.deck_pings import PATIENCE_S, RangePlacer, pings_of_ranges
 from trackerlib.live.navigation_stream import DeckUnitRange, Fix
 from trackerlib.live.session_file import SessionFile, read_session
@@ -57,6 +58,15 @@ def test_a_range_waits_for_the_position_after_it():
     assert placer.pings(BEGAN_S + 10) == []
     heard(placer, 12)
     assert [ping.number for ping in placer.pings(BEGAN_S + 12)] == [1]
+
+
+def test_limits_of_positions_hold_for_ranges_and_the_antenna_is_put_to_the_hydrophone():
+    placer = RangePlacer(TURNAROUND_S)
+    heard(placer, 20)
+    placer.hear(BEGAN_S + 10, DeckUnitRange(BEGAN_S + 10, 2.0, True))
+    assert placer.pings(BEGAN_S + 11, PositionLimits(greatest_hdop=0.5)) == []
+    (ping,) = placer.pings(BEGAN_S + 11, antenna_offset_m=(0.0, 100.0, 0.0))
+    assert 111e3 * (40.0 - ping.lat_deg) == pytest.approx(100.0, rel=0.01)  # sailing east, starboard is south
 
 
 def test_they_are_rows_of_the_session_file_and_pings_again_when_it_is_opened(tmp_path):

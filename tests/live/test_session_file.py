@@ -49,6 +49,7 @@ def test_what_was_added_is_read_back(tmp_path):
     fixes = [Fix(1000.0 + k, 40.0, -67.0, math.nan if k else 1.5, math.nan) for k in range(3)]
     with SessionFile(path) as file:
         file.add_settings({"sample_interval_s": 2e-3})
+        file.add_settings({"turnaround_s": 0.02})
         file.add_settings({"sample_interval_s": 1e-3})
         for k in range(3):
             file.add_raw("sail", 10.0 + k, b"\x00\xff" * k)
@@ -56,7 +57,7 @@ def test_what_was_added_is_read_back(tmp_path):
             file.add_fix(1000.5 + k, fixes[k])
         file.add_event(1.0, "the cable was pulled")
     session = read_session(path)
-    assert session.settings == {"sample_interval_s": 1e-3}
+    assert session.settings == {"sample_interval_s": 1e-3, "turnaround_s": 0.02}
     assert repr(session.runs[1]) == repr(tuple(period(k, 1002.0 + 2 * k) for k in range(3)))
     assert repr([fix for _, fix in session.fixes]) == repr(fixes)
     assert session.events == ((1.0, "the cable was pulled"),)

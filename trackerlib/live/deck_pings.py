@@ -16,7 +16,7 @@ from collections import deque
 
 import numpy as np
 
-from trackerlib.beacon.navigation import ship_at_receptions
+from trackerlib.beacon.navigation import PositionLimits, ship_at_receptions
 from trackerlib.beacon.pings import Ping, PingLog, Pings
 from trackerlib.live.navigation_stream import DeckUnitRange, Fix, fixes_of
 from trackerlib.live.recorded_pings import utc_at
@@ -67,15 +67,23 @@ class RangePlacer:
             Ping(self.ranges, math.nan, math.nan, inside / 2, half_way_s, up_m=-self.hydrophone_depth_m)
         )
 
-    def pings(self, now_s: float) -> list[Ping]:
-        """The ranges that have a place by now, in order; one that waited PATIENCE_S for it is given up."""
+    def pings(
+        self,
+        now_s: float,
+        limits: PositionLimits = PositionLimits(),
+        antenna_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> list[Ping]:
+        """The ranges that have a place by now, in order; one that waited PATIENCE_S for it is given up.
+
+        limits, antenna_offset_m : as ship_at_receptions has them
+        """
         if not self._waiting or not self._fixes:
             self._give_up(now_s)
             return []
         half_way_s = (
             np.array([ping.clock_s for ping in self._waiting]) - self._late_s
         )  # by the positions' clock
-        ship = ship_at_receptions(fixes_of(self._fixes), half_way_s)
+        ship = ship_at_receptions(fixes_of(self._fixes), half_way_s, limits, antenna_offset_m)
         placed, waiting = [], []
         for k, ping in enumerate(self._waiting):
             if ship.accepted[k]:

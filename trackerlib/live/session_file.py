@@ -75,7 +75,7 @@ class SessionFile:
         self._thread.start()
 
     def add_settings(self, settings: dict) -> None:
-        """Keeps settings as of now; the last ones count when the file is opened again."""
+        """Keeps settings as of now; of each, the last one counts when the file is opened again."""
         self._add("INSERT INTO settings VALUES (?, ?)", (time.time(), json.dumps(settings)))
 
     def add_raw(self, source: str, utc_s: float, data: bytes) -> None:
@@ -202,7 +202,7 @@ def _words(error: sqlite3.Error) -> str:
 class RecordedSession:
     """A session read back."""
 
-    settings: dict  # the last ones, {} if there are none
+    settings: dict  # the last of each
     runs: dict[int, tuple[Period, ...]]  # periods of each time that sampling began, in order
     fixes: tuple[tuple[float, Fix], ...]  # when each was heard by the host's clock, and the position
     ranges: tuple[DeckUnitRange, ...]  # of a deck unit, by when each was heard by the host's clock
@@ -227,7 +227,9 @@ def read_session(path: Path) -> RecordedSession:
 
 
 def _read(database: sqlite3.Connection) -> RecordedSession:
-    settings = database.execute("SELECT content FROM settings ORDER BY rowid DESC LIMIT 1").fetchone()
+    settings: dict = {}
+    for (content,) in database.execute("SELECT content FROM settings ORDER BY rowid"):
+        settings |= json.loads(content)
     runs: dict[int, list[Period]] = {}
     for run, number, heard, maxima, attenuation, samples in database.execute(
         "SELECT run, number, heard_s, maxima, attenuation_db, period_samples FROM period ORDER BY run, number"
@@ -240,7 +242,7 @@ def _read(database: sqlite3.Connection) -> RecordedSession:
         for heard, time_s, lat, lon, *rest in database.execute("SELECT * FROM fix ORDER BY rowid")
     )
     return RecordedSession(
-        {} if settings is None else json.loads(settings[0]),
+        settings,
         {run: tuple(periods) for run, periods in runs.items()},
         fixes,
         _ranges(database),
