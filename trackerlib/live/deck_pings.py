@@ -25,6 +25,7 @@ from trackerlib.surveyfiles.reading import DEFAULT_TURNAROUND_S
 
 PATIENCE_S = 10.0  # that a range waits for a position
 KEPT_FIXES = 10_000
+USUAL_LIMITS = PositionLimits()
 
 
 class RangePlacer:
@@ -70,7 +71,7 @@ class RangePlacer:
     def pings(
         self,
         now_s: float,
-        limits: PositionLimits = PositionLimits(),
+        limits: PositionLimits = USUAL_LIMITS,
         antenna_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> list[Ping]:
         """The ranges that have a place by now, in order; one that waited PATIENCE_S for it is given up.
