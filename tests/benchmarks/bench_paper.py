@@ -88,23 +88,23 @@ def _busy_s(wire) -> float:
     return next(each["value"] for each in metrics if each["name"] == "TaskDuration")
 
 
-def select(page, place: int, option: str) -> None:
-    """Chooses in the drop-down list of that place among those in sight."""
-    page.locator(".MuiSelect-select:visible").nth(place).click()
+def select(page, shown: str, option: str) -> None:
+    """Chooses in the drop-down list that shows this now."""
+    page.locator(".MuiSelect-select:visible").filter(has_text=shown).first.click()
     page.locator("li, [role=option]").filter(has_text=option).first.click()
     page.wait_for_timeout(500)
 
 
 def play_sound(page) -> None:
     """Simulated sound, heard and then replayed at 20 lines a second."""
-    select(page, 0, "Simulated sound")
+    select(page, "Survey log", "Simulated sound")
     page.get_by_role("button", name="Simulate and hear").click()
     page.get_by_text("1000 s heard").first.wait_for(timeout=120_000)
     interval = page.get_by_label("Fold interval").first
     interval.press("Control+a")
     interval.press_sequentially(FOLD_S)
     interval.press("Enter")
-    select(page, 2, SPEED)
+    select(page, "x100", SPEED)
     page.get_by_role("button", name="Play", exact=True).first.click()
 
 
