@@ -19,6 +19,17 @@ _BLOCK = 64  # reports whose ranges are judged together
 _FEWEST = 50_000  # reports for which a thread of its own is worth its start
 
 
+@compiled
+def needs_no_gate(point_count, mode, flagged, wanted):
+    """Whether all reports (N,) are of one mode without an edit mark; whether they stand in order of point count."""
+    other = back = False
+    for k in range(len(mode)):
+        other |= flagged[k] | (mode[k] != wanted)
+    for k in range(1, len(point_count)):
+        back |= point_count[k] < point_count[k - 1]
+    return not other, not back
+
+
 def judge_reports(
     point_count: np.ndarray,
     array: np.ndarray,
@@ -170,6 +181,7 @@ def _match(point_count, array, arrays, place, matches):
 @warms
 def _warm() -> None:
     count, rows = np.zeros(2, np.int32), np.arange(2, dtype=np.int16)
+    needs_no_gate(count, np.zeros(2, np.int8), np.zeros(2, np.bool_), 0)
     judge_reports(count, rows, np.zeros((2, 3)), np.zeros((2, 3)), 0, 1.0)
     find_repeats(count, rows)
     match_pairs(count, rows, 2)

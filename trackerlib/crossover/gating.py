@@ -22,6 +22,7 @@ from trackerlib.crossover.gate_scan import (
     find_repeats,
     judge_reports,
     match_pairs,
+    needs_no_gate,
 )  # fmt: skip
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.repeats import RepeatChoice, choose_repeats
@@ -124,11 +125,11 @@ def ready_sets(sets: Sequence[CrossoverSet]) -> GatingResult:
 def gate_mode_and_flag(reports: PositionReports, mode: int) -> PositionReports:
     """Gate 1: reports of one vehicle's mode without an edit mark, in order of point count."""
     kept = reports
-    if np.any(reports.flagged) or np.any(reports.mode != mode):
+    clean, in_order = needs_no_gate(kept.point_count, kept.mode, kept.flagged, mode)
+    if not clean:
         kept = reports.only((reports.mode == mode) & ~reports.flagged)
-    if np.all(kept.point_count[1:] >= kept.point_count[:-1]):
-        return kept
-    return kept.only(np.argsort(kept.point_count, kind="stable"))
+        in_order = bool(np.all(kept.point_count[1:] >= kept.point_count[:-1]))
+    return kept if in_order else kept.only(np.argsort(kept.point_count, kind="stable"))
 
 
 def gate_slant_range(

@@ -21,7 +21,7 @@ from trackerlib.compiled import compiled, in_threads, warms
 COLUMNS = 68
 MARGIN = 80  # bytes behind the last record that a scan may look at
 EVERY_MODE = -1
-_STRETCH_BYTES = 8_000_000  # what is kept of so many stays in the cache until it is put in its place
+_STRETCH_BYTES = 16_000_000  # what is kept of so many is near at hand until it is put in its place
 _NEWLINE, _RETURN = 10, 13
 
 _word = np.uint64
