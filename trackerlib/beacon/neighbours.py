@@ -73,18 +73,19 @@ def _along_one(line, epochs, reach, correlation, smooth, shared):
 @_compiled
 def _round_a_turn(before, after, epochs, reach, correlation, smooth, shared):
     """The same from two lines: by what each is worth, and by which side of the turn a ping is on."""
-    turn = _turn(before, after)
+    turn, one, other = _turn(before, after), _doubt(before), _doubt(after)
     for k in range(reach[1], reach[2]):
         t = epochs[k] - epochs[0]
-        share = (1 - UNSURE if t < turn else UNSURE) / _doubt(before, t)
-        share /= share + (UNSURE if t < turn else 1 - UNSURE) / _doubt(after, t)
-        for axis in range(2):
-            place = share * (before[3 + axis] + (t - before[1]) * before[5 + axis])
-            place += (1 - share) * (after[3 + axis] + (t - after[1]) * after[5 + axis])
-            smooth[k, axis] = place
+        from_one, from_other = t - before[1], t - after[1]
+        sure = 1 - UNSURE if t < turn else UNSURE
+        for_one = sure * (other[0] + from_other * from_other * other[1])
+        share = for_one / (for_one + (1 - sure) * (one[0] + from_one * from_one * one[1]))
+        rest = 1 - share
+        smooth[k, 0] = share * (before[3] + from_one * before[5]) + rest * (after[3] + from_other * after[5])
+        smooth[k, 1] = share * (before[4] + from_one * before[6]) + rest * (after[4] + from_other * after[6])
         if correlation > 0:
             shared[k] = share * _shared(before, epochs, k, reach[0], reach[1], correlation)
-            shared[k] += (1 - share) * _shared(after, epochs, k, reach[2], reach[3], correlation)
+            shared[k] += rest * _shared(after, epochs, k, reach[2], reach[3], correlation)
 
 
 @_compiled
@@ -186,9 +187,10 @@ def _line(s, ship, scale):
 
 
 @_compiled
-def _doubt(line, t):
-    """Variance of the place that a line tells for an instant, over that of a position; huge without pings."""
-    return 1 / line[0] + (t - line[1]) ** 2 / line[2] if line[0] > 0 else 1e300
+def _doubt(line):
+    """Variance of the place that a line tells at its mean instant, over that of a position, huge without pings; and
+    what the square of the time from there adds."""
+    return (1 / line[0], 1 / line[2]) if line[0] > 0 else (1e300, 0.0)
 
 
 @_compiled
