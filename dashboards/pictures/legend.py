@@ -6,7 +6,6 @@ import numpy as np
 from bokeh.models import CustomJS, Legend, LegendItem
 
 LEGEND = {
-    "location": "top_left",
     "click_policy": "hide",
     "label_text_font_size": "11px",
     "label_height": 14,
@@ -18,9 +17,9 @@ LEGEND = {
 THEMED = ("label_text_font_size", "spacing", "glyph_height", "background_fill_alpha")
 
 
-def style_legend(fig) -> None:
+def style_legend(fig, location: str = "top_left") -> None:
     """A small legend inside the picture; a click hides what it names."""
-    for name, value in LEGEND.items():
+    for name, value in (LEGEND | {"location": location}).items():
         setattr(fig.legend, name, value)
     # The page's theme makes every legend large and its ground clear, live; this takes it back.
     small = {name: LEGEND[name] for name in THEMED}

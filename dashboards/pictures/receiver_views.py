@@ -8,7 +8,7 @@ from bokeh.palettes import Viridis256
 from bokeh.plotting import figure
 
 from dashboards.palette import ESTIMATE, FIRST_ARRAY, SECOND_ARRAY, SHIP
-from dashboards.pictures.legend import LEGEND
+from dashboards.pictures.legend import style_legend
 from trackerlib.receiver.detection_curve import DetectionCurve
 from trackerlib.receiver.front_end import ATTENUATIONS_DB
 from trackerlib.receiver.front_end_design import (
@@ -39,11 +39,6 @@ def _strip(name: str, across: str, up: str, **options):
     )
 
 
-def _legend(fig, where: str = "top_right") -> None:
-    for name, value in (LEGEND | {"location": where}).items():
-        setattr(fig.legend, name, value)
-
-
 class FrontEndView:
     """Tuned response from hydrophone to detector, the gains of its stages, what the attenuator's shunts leave; |Z|."""
 
@@ -69,7 +64,7 @@ class FrontEndView:
                 ],
             )
         )
-        _legend(fig)
+        style_legend(fig, "top_right")
         self._make_impedance()
 
     def show(self, design: FrontEnd) -> None:
@@ -109,7 +104,7 @@ class FrontEndView:
             "khz", "ohm", source=self.at_carrier, color=SECOND_ARRAY, size=6, legend_label="carrier"
         )
         fig.add_tools(HoverTool(renderers=[dot], tooltips=[("at", "@khz kHz"), ("|Z|", "@ohm{0} Ω")]))
-        _legend(fig)
+        style_legend(fig, "top_right")
 
     def _show_impedance(self, carrier_hz: float) -> None:
         """(5-13), Figure 5-6, with the tolerance of the hydrophone's capacitance."""
@@ -139,7 +134,7 @@ class ThresholdView:
         dots = fig.scatter("x", "y", source=self.dots, color="ink", size=5)
         tips = [("", "@what"), ("threshold", "@x{0.0}"), ("share", "@y{0.0000}")]
         fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
-        _legend(fig, "bottom_left")
+        style_legend(fig, "bottom_left")
 
     def _draw(self, threshold, snr_db, alarms, misses, alarms_found, misses_found) -> None:
         """Shares at thresholds (T,): alarms (T,), misses (S, T), and the same as simulated where that differs."""

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import panel as pn
 from bokeh.events import SelectionGeometry, Tap
-from panel_splitjs import Split
 
 from dashboards.pictures.chart_map import ChartMap
 from dashboards.pictures.line_strip import LineStrip
@@ -107,9 +106,7 @@ class ChartTab(Inputs, TraceActions, Tab):
             sizing_mode="stretch_both",
             margin=0,
         )
-        return Split(
-            paper, self.beside.pages, orientation="vertical", sizes=(74, 26), sizing_mode="stretch_both"
-        )
+        return self.beside.under(paper)
 
     def answer(self):
         return pn.Column(

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import panel as pn
 import panel_material_ui as pmui
+from panel_splitjs import Split
 
 from dashboards.pictures.receiver_views import DetectionView, FrontEndView, LevelView, PassView
 from dashboards.session import Session
@@ -23,6 +24,8 @@ from trackerlib.receiver.report_receiver import ReceiverSettings
 from trackerlib.textfiles import InputError
 
 PANES = ("Hyperbola", "Terminal", "Detection", "Front\u00a0end")
+CURVES = PANES[2:]
+LOW, HIGH = (74, 26), (40, 60)  # shares of the paper and of the pane below it
 ENDED_BY_RETURN = ("?M", "!M", "!T")  # their last number ends there
 FALSE_ALARMS = np.geomspace(1e-4, 0.1, 10)
 RATIOS_DB = np.array([6.0, 9.0, 12.0, 15.0])
@@ -53,12 +56,22 @@ class Beside:
                 drawn(self.detection.figure), drawn(self.levels.figure), sizing_mode="stretch_both", margin=0
             ),
             PANES[3]: pn.Row(
-                pn.Column(self.carrier, self.bandwidth, width=170, margin=0), drawn(self.front_end.figure),
-                drawn(self.front_end.impedance), pn.Column(self.design_words, width=330, scroll="y", margin=0),
-                sizing_mode="stretch_both", margin=0,
+                pn.Column(self.carrier, self.bandwidth, width=140, margin=0),
+                pn.Column(
+                    drawn(self.front_end.figure), drawn(self.front_end.impedance), sizing_mode="stretch_both",
+                    margin=0,
+                ),
+                pn.Column(self.design_words, width=300, scroll="y", margin=0), sizing_mode="stretch_both",
+                margin=0,
             ),
         }  # fmt: skip
         return Pages(panes)
+
+    def under(self, paper):
+        """The paper with the panes below it; curves are given more room than the others."""
+        split = Split(paper, self.pages, orientation="vertical", sizes=LOW, sizing_mode="stretch_both")
+        self.pages.on_show(lambda: split.param.update(sizes=HIGH if self.pages.shown in CURVES else LOW))
+        return split
 
     def _show(self) -> None:
         if self.pages.shown == "Detection" and not self._curves_drawn:
