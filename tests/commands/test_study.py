@@ -6,6 +6,7 @@ import json
 import signal
 import time
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -97,7 +98,8 @@ def test_other_trials_are_not_mixed_into_a_table(tmp_path, capsys):
 def test_a_page_has_the_thesis_figures_of_a_sweep_with_the_bound_in_each(tmp_path, capsys):
     for scenario, numbers in (("2", range(19, 27)), ("5", range(83, 99))):
         answer = study(capsys, *SMALL, "--scenarios", scenario, "--methods", "thesis", "--out", tmp_path)
-        text = Path(answer["figures"][0]).read_text()
+        page = ElementTree.parse(answer["figures"][0]).getroot()
+        text = ElementTree.tostring(page, encoding="unicode")
         assert all(f"4-{number}  " in text for number in numbers)
         assert f"4-{numbers[-1] + 1}  " not in text
         assert "SIMULATED" in text
