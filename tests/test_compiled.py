@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -35,3 +38,16 @@ def test_serving_the_page_warms_the_kernels_in_one_thread_beside_it(monkeypatch)
         ended.set()
     thread.join(30)
     assert runs == [thread]
+
+
+@pytest.mark.parametrize("first", ["import numba", "import trackerlib.beacon.neighbours"])
+def test_kernels_are_kept_by_what_all_sources_say_whatever_is_imported_first(first):
+    """numba itself renews a kept kernel when its own file changes, not when a file changes whose kernels it calls."""
+    code = f"""{first}
+from trackerlib.beacon import neighbours, squared_range
+print(*(one._cache.cache_path for one in (neighbours.smooth_track, squared_range._fix_alone)))"""
+    untold = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=untold
+    )
+    assert all(f"{os.sep}kernels{os.sep}" in path for path in said.stdout.split())

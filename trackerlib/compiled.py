@@ -22,6 +22,8 @@ from importlib import import_module
 from pathlib import Path
 
 import llvmlite.binding
+import numba
+from numba.core import config
 
 
 def _cache_folder() -> Path | None:
@@ -52,12 +54,9 @@ def _cache_folder() -> Path | None:
     return None
 
 
-# numba reads this when it is imported, so it stands before the import.
+# numba asks for this whenever it meets a kernel, so it holds for kernels compiled from here on, whoever imported numba.
 if not os.environ.get("NUMBA_CACHE_DIR") and (_folder := _cache_folder()):
-    os.environ["NUMBA_CACHE_DIR"] = str(_folder)
-
-import numba  # noqa: E402
-from numba.core import config  # noqa: E402
+    config.CACHE_DIR = str(_folder)  # type: ignore[attr-defined]
 
 # LLVM keeps to half the width of AVX-512, as the first of these processors slowed down at all of it.
 if config.CPU_FEATURES is None:  # type: ignore[attr-defined]
@@ -65,6 +64,12 @@ if config.CPU_FEATURES is None:  # type: ignore[attr-defined]
     config.CPU_FEATURES = f"{_features},-prefer-256-bit"  # type: ignore[attr-defined]
 
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+
+def compiled_with(*liberties: str) -> Callable:
+    """A `compiled` that may take these liberties with sums, in LLVM's words."""
+    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=set(liberties))
+
 
 # Modules that hold kernels; importing one registers its warm-up.
 KERNEL_MODULES: tuple[str, ...] = (

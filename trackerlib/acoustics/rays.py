@@ -16,11 +16,10 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise
 
-import numba
 import numpy as np
 
 from trackerlib.acoustics.profile import SoundSpeedProfile
-from trackerlib.compiled import compiled, in_threads, warms
+from trackerlib.compiled import compiled, compiled_with, in_threads, warms
 
 STEPS = 100  # ten times what the hardest ray found needs
 DOUBTFUL = 6  # steps after which it is asked whether any direct ray reaches so far
@@ -30,7 +29,7 @@ _A_THREAD = 4000  # rays for which a thread of its own is worth its start
 _WEIGHT, _BELOW, _SLOWNESS, _ROOT = range(4)  # rows of what is known of the layers between the two ends
 
 # Sums may be taken in any order, so that several layers are worked on at once.
-summing = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+summing = compiled_with("reassoc", "contract", "nsz")
 
 
 class NoDirectRay(ValueError):
@@ -68,8 +67,9 @@ def fit_rays(profile: SoundSpeedProfile, horizontal_range, target_depth, array_d
     Where refraction bends every direct ray away (shadow), `reached` is False and the rest NaN.
     """
     shape = np.broadcast_shapes(np.shape(horizontal_range), np.shape(target_depth), np.shape(array_depth))
+    # Copies, as views that cannot be written to would be a type of their own, for which kernels are compiled anew.
     given = [
-        np.ascontiguousarray(np.broadcast_to(np.asarray(a, float), shape)).ravel()
+        np.array(np.broadcast_to(a, shape), float).ravel()
         for a in (horizontal_range, target_depth, array_depth)
     ]
     depths = np.concatenate(given[1:])

@@ -10,12 +10,11 @@ ellipsoid means nothing.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from scipy.stats import chi2
 
 from trackerlib.beacon.small_systems import product, root_of, scaled_solve, squares, whiten
-from trackerlib.compiled import compiled
+from trackerlib.compiled import compiled, compiled_with
 
 CURVED_FROM = (
     0.5  # root-mean-square second-order part of the score, in standard errors, that shows in an ellipsoid
@@ -43,7 +42,7 @@ DRAWS = {unknowns: _balanced_draws(unknowns) for unknowns in (4, 7)}
 STILL_SIZE = float(np.quantile(np.sum(DRAWS[4][:3] ** 2, axis=0), HELD))
 MOVING_SIZE = float(np.quantile(np.sum(DRAWS[7][[0, 1, 2, 4, 5, 6]] ** 2, axis=0), HELD))
 
-_fast = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+_fast = compiled_with("reassoc", "contract", "nsz")
 
 
 @compiled

@@ -10,8 +10,9 @@ line to the other. The block's own pings are in neither.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+
+from trackerlib.compiled import compiled_with
 
 BLOCKS, LONGEST_BLOCK = 64, 8  # blocks in a short survey, and pings in a block of a long one
 FEWEST = 3  # pings that are taken for a line whatever they look like
@@ -22,7 +23,7 @@ LEAST_SPREAD = 1e-9  # of a line's instants
 FORGOTTEN = 30.0  # correlation times after which nothing is shared
 SUMS = 8  # of a block: pings, t, tt, x, tx, y, ty, xx + yy; places in standard errors
 
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+_compiled = compiled_with("contract")
 
 
 @_compiled
@@ -129,18 +130,22 @@ def _straight_ends(sums, way, least, most):
     """For each block, the edge up to which the track beside it, after (way 1) or before (-1), is one straight line.
 
     From block to block the end stays and the beginning moves up. Then half as much again is added as long as the line
-    through it is the same (Chow's test).
+    through it is the same (Chow's test). Where that came to an end, it is tried again when the line is a sixteenth
+    shorter, as the answer hardly changes before.
     """
     last = len(sums) - 1
     ends = np.empty(last, np.int64)
     end = 0 if way > 0 else last
+    tried = 2 * most
     for n in range(last):
         b = n if way > 0 else last - 1 - n
         edge = b + 1 if way > 0 else b
         if way * (end - edge) < least:
-            end = min(max(edge + way * least, 0), last)
-        if 0 < end < last and way * (end - edge) < most:
+            end, tried = min(max(edge + way * least, 0), last), 2 * most
+        length = way * (end - edge)
+        if 0 < end < last and length < most and 16 * length <= 15 * tried:
             end = _further(sums, edge, end, way, least, most)
+            tried = way * (end - edge)
         ends[b] = end
     return ends
 

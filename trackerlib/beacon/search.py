@@ -67,7 +67,8 @@ def _linear_start(attempt: Attempt, straight: Problem) -> np.ndarray:
     """The state (0 or 1, P) that solves the equations linear in squared ranges, along straight paths."""
     ranges = straight.time * straight.paths.mean_speed(TYPICAL_DEPTH_M)
     ship = np.ascontiguousarray(straight.ship)
-    solved, fine = linear_start(ship, ship[:, :2], ranges, straight.share, attempt.motion.moving)
+    level = np.ascontiguousarray(ship[:, :2])
+    solved, fine = linear_start(ship, level, ranges, straight.share, attempt.motion.moving)
     if not fine or not np.isfinite(solved).all():
         return np.empty((0, straight.axes.shape[1]))
     state = np.concatenate([solved[:3], solved[4:]])

@@ -39,7 +39,7 @@ from trackerlib.beacon.squared_sums import (
     take_out_shared,
     thinned,
 )
-from trackerlib.compiled import compiled, warms
+from trackerlib.compiled import compiled, compiled_with, warms
 
 NEIGHBOURS = 200  # on either side, at most
 PASSES, STEPS = 50, 2  # with instruments renewed, and of Newton with instruments held
@@ -47,7 +47,7 @@ AT_REST = 1e-6  # square of the score in standard errors below which one more st
 MOST_STUCK = 5  # times a step may have to be taken that does not improve matters
 ENOUGH = 1e-4  # the same, below which a second step is no use before instruments are renewed
 UNKNOWN_SHARE = 0.15  # of the depth: a standard error above which noise and not geometry makes an answer
-KNOWN_SHARE = 0.02  # the same, below which there is no need to ask
+KNOWN_SHARE = 0.03  # the same, below which there is no need to ask
 BIASED_FROM, STRONGLY_BENT = 0.1, 1.0  # bends between which a bias of second order is worth taking out
 STILL, MOVING = 4, 7  # unknowns: east, north, up and c0, then three velocities
 
@@ -71,9 +71,13 @@ class SquaredRangeFixes:
         np.ndarray
     )  # (B, P) east, north, up, c0 (C times the emission offset), then velocities if moving
     covariance: np.ndarray  # (B, P, P)
-    converged: np.ndarray  # (B,) reached a solution, below the hydrophone, whose every direction is seen
-    why: np.ndarray  # (B,) index in WHY of the reason for which it did not
+    why: np.ndarray  # (B,) index in WHY of the reason for which it did not converge
     iterations: np.ndarray  # (B,) passes over the pings
+
+    @property
+    def converged(self) -> np.ndarray:
+        """Which (B,) reached a solution, below the hydrophone, whose every direction is seen."""
+        return self.why == FINE
 
 
 def refusals(why: np.ndarray) -> dict[str, int]:
@@ -132,7 +136,7 @@ def fix_squared_range(
         ship, ranges, epochs, noise, neighbours, float(correlation_s), DRAWS[unknowns],
         estimate, covariance, why, passes,
     )  # fmt: skip
-    return SquaredRangeFixes(estimate, covariance, why == FINE, why, passes)
+    return SquaredRangeFixes(estimate, covariance, why, passes)
 
 
 def _variances(gps_rms_m, range_rms_m) -> np.ndarray:
@@ -145,7 +149,7 @@ def _variances(gps_rms_m, range_rms_m) -> np.ndarray:
     return np.array([east * east, north * north, range_rms_m * range_rms_m], float)
 
 
-_fast = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+_fast = compiled_with(*FAST)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
@@ -199,12 +203,12 @@ def _fix_one(ship, ranges, epochs, noise, neighbours, correlation, draws, estima
 @_fast
 def _origin(ship, ranges):
     """Mean place of the ship and mean range (4,): sums about it lose no digits."""
-    origin = np.zeros(4)
+    origin, flat = np.zeros(4), ship.reshape(ship.size)
     east = north = up = distance = 0.0
     for n in range(len(ship)):
-        east += ship[n, 0]
-        north += ship[n, 1]
-        up += ship[n, 2]
+        east += flat[3 * n]
+        north += flat[3 * n + 1]
+        up += flat[3 * n + 2]
         distance += ranges[n]
     origin[0], origin[1], origin[2], origin[3] = east, north, up, distance
     return origin / len(ship)

@@ -12,17 +12,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from trackerlib.beacon.small_systems import whiten
-from trackerlib.compiled import compiled
+from trackerlib.compiled import compiled, compiled_with
 
 # Columns of the moments: what is known of q, place, range, one; the same times t, t, t squared.
 KNOWN, EAST, NORTH, UP, RANGE, ONE, T_EAST, T_NORTH, T_UP, T, TT = range(11)
 STILL_COLUMNS, COLUMNS = 6, 11
 STILL_ROWS, MOVING_ROWS = 4, 7  # instruments, one an unknown
-START_ROWS = 8  # of a start with motion, and place enough for any instruments
+ROWS, WEIGHT = 8, 7  # place enough for any instruments, and the row of weights after them
+LINE = 8  # numbers in a line of the processor's cache
 BLOCK = 128  # pings worked on side by side
 FAST = {"reassoc", "contract", "arcp", "nsz"}  # NaN and infinity keep their meaning
 # Whether there is motion is known when compiled, by the length of these. A loop must not name a row that a track of no
@@ -30,7 +30,7 @@ FAST = {"reassoc", "contract", "arcp", "nsz"}  # NaN and infinity keep their mea
 # writes, which is chance, and where it does not the loop goes one ping at a time and rounds its sums otherwise.
 NO_MOTION, MOTION = (), (0,)
 
-_fast = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+_fast = compiled_with(*FAST)
 
 
 class Track(NamedTuple):
@@ -44,33 +44,42 @@ class Track(NamedTuple):
     width: int  # rows of columns a block: those of `COLUMNS`, and an empty one where they are odd in number
     columns: np.ndarray
     told: np.ndarray  # east and north (2 rows) of the ship as the others tell it
-    instruments: np.ndarray  # of the block in work (START_ROWS rows)
-    weighted: np.ndarray  # the same times their weights
+    instruments: np.ndarray  # of the block in work (ROWS rows)
+    weighted: np.ndarray  # the same times their weights, and the weights in row WEIGHT
 
 
 @compiled
 def _empty_track(count, highest, moving):
     blocks, width = (count + BLOCK - 1) // BLOCK, COLUMNS + 1 if moving else STILL_COLUMNS
-    columns, told = np.empty(blocks * width * BLOCK), np.empty(blocks * 2 * BLOCK)
+    columns, told = _lined_up(blocks * width * BLOCK), _lined_up(blocks * 2 * BLOCK)
     last = blocks - 1
     columns[last * width * BLOCK :] = 0.0
     told[last * 2 * BLOCK :] = 0.0
-    return Track(
-        count, highest, width, columns, told, np.zeros(START_ROWS * BLOCK), np.zeros(START_ROWS * BLOCK)
-    )
+    instruments, weighted = _lined_up(ROWS * BLOCK), _lined_up(ROWS * BLOCK)
+    instruments[:], weighted[:] = 0.0, 0.0
+    return Track(count, highest, width, columns, told, instruments, weighted)
+
+
+@compiled
+def _lined_up(size):
+    """An empty buffer (size,) that begins where a line of the processor's cache does."""
+    room = np.empty(size + LINE)
+    skip = -(room.ctypes.data // room.itemsize) % LINE
+    return room[skip : skip + size]
 
 
 @_fast
-def _add_products(left, right, first, rows, columns, out):
+def _add_products(left, right, first, rows, columns, out, apart=1):
     """Adds to `out` (rows, columns) the products of rows of two buffers, those of the right one from `first` on.
 
-    They are taken two by two, so that buffers need a row more where rows or columns are odd in number.
+    They are taken two by two, so that buffers need a row more where rows or columns are odd in number; two of the
+    right one lie so many rows `apart`.
     """
     for i in range(0, rows, 2):
         one, other = left[i * BLOCK : (i + 1) * BLOCK], left[(i + 1) * BLOCK : (i + 2) * BLOCK]
         for j in range(0, columns, 2):
-            at = first + j * BLOCK
-            this, next_one = right[at : at + BLOCK], right[at + BLOCK : at + 2 * BLOCK]
+            at, then = (first + j) * BLOCK, (first + j + apart) * BLOCK
+            this, next_one = right[at : at + BLOCK], right[then : then + BLOCK]
             a = b = c = d = 0.0
             for k in range(BLOCK):
                 a += one[k] * this[k]
@@ -102,26 +111,35 @@ def lay_out(ship, smooth, ranges, epochs, origin, span, moving, sums):
         squared) times the columns. Instants are counted in `span`; what heights differ by is left out of `KNOWN`.
     """
     track = _empty_track(len(ship), _highest(ship) - origin[2], moving)
-    rows, used = (START_ROWS, COLUMNS) if moving else (STILL_ROWS, STILL_COLUMNS)
+    used = COLUMNS if moving else STILL_COLUMNS
     sums[:] = 0.0
     for first in range(0, len(ship), BLOCK):
         part, (columns, told) = slice(first, first + BLOCK), _block(track, first)
         _fill_columns(ship[part], smooth[part], ranges[part], epochs[part], origin, moving, columns, told)
-        _fill_left(span, moving, columns, told, track.weighted)
-        _add_products(track.weighted, columns, 0, rows, used, sums)
+        _add_products(told, columns, 0, 2, used, sums[:2])
+        _add_products(columns[RANGE * BLOCK :], columns, 0, 2, used, sums[2:4])
+        if moving:
+            _fill_motion(2, columns, told, track.weighted)
+            _add_products(track.weighted, columns, 0, 2, used, sums[4:6])
+            _add_products(columns[T * BLOCK :], columns, 0, 2, used, sums[6:])
         _add_heights(columns)
+    if moving:
+        sums[4:7] /= span
+        sums[7] /= span * span
     return track
 
 
 @_fast
 def _fill_columns(ship, smooth, ranges, epochs, origin, moving, columns, told):
     """Fills a block; squares of heights are not yet in `KNOWN`."""
-    for row in range(3):
-        _fill_row(ship[:, row], origin[row], columns[(EAST + row) * BLOCK : (EAST + row + 1) * BLOCK])
-    for row in range(2):
-        _fill_row(smooth[:, row], origin[row], told[row * BLOCK : (row + 1) * BLOCK])
+    flat, flat_smooth = ship.reshape(ship.size), smooth.reshape(smooth.size)
+    east, north, up, distance = origin[0], origin[1], origin[2], origin[3]
+    _fill_places(flat, east, north, up, columns)
+    for k in range(len(smooth)):
+        told[k] = flat_smooth[2 * k] - east
+        told[BLOCK + k] = flat_smooth[2 * k + 1] - north
     for k in range(len(ship)):
-        x, y, r = columns[EAST * BLOCK + k], columns[NORTH * BLOCK + k], ranges[k] - origin[3]
+        x, y, r = columns[EAST * BLOCK + k], columns[NORTH * BLOCK + k], ranges[k] - distance
         columns[KNOWN * BLOCK + k] = x * x + y * y - r * r
         columns[RANGE * BLOCK + k] = r
         columns[ONE * BLOCK + k] = 1.0
@@ -137,26 +155,11 @@ def _fill_columns(ship, smooth, ranges, epochs, origin, moving, columns, told):
 
 
 @_fast
-def _fill_row(values, origin, row):
-    for k in range(len(values)):
-        row[k] = values[k] - origin
-
-
-@_fast
-def _fill_left(span, moving, columns, told, left):
-    """Fills what the equations of a start are multiplied by."""
-    for k in range(BLOCK):
-        left[k] = told[k]
-        left[BLOCK + k] = told[BLOCK + k]
-        left[2 * BLOCK + k] = columns[RANGE * BLOCK + k]
-        left[3 * BLOCK + k] = columns[ONE * BLOCK + k]
-    if moving:
-        for k in range(BLOCK):
-            t = columns[T * BLOCK + k] / span
-            left[4 * BLOCK + k] = t * left[k]
-            left[5 * BLOCK + k] = t * left[BLOCK + k]
-            left[6 * BLOCK + k] = t
-            left[7 * BLOCK + k] = t * t
+def _fill_places(ship, east, north, up, columns):
+    for k in range(len(ship) // 3):
+        columns[EAST * BLOCK + k] = ship[3 * k] - east
+        columns[NORTH * BLOCK + k] = ship[3 * k + 1] - north
+        columns[UP * BLOCK + k] = ship[3 * k + 2] - up
 
 
 @_fast
@@ -165,11 +168,12 @@ def _add_heights(columns):
         columns[KNOWN * BLOCK + k] += columns[UP * BLOCK + k] ** 2
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@compiled_with("fast")
 def _highest(ship):
-    highest = ship[0, 2]
+    flat = ship.reshape(ship.size)
+    highest = flat[2]
     for n in range(len(ship)):
-        highest = max(highest, ship[n, 2])
+        highest = max(highest, flat[3 * n + 2])
     return highest
 
 
@@ -213,7 +217,7 @@ def instrument_sums(theta, track, noise, moments, spread):
     spread[:] = 0.0
     for first in range(0, track.pings, BLOCK):
         fill_instruments(theta, track, first, noise)
-        _add_products(track.weighted, track.columns, first * track.width, unknowns, used, moments)
+        _add_products(track.weighted, track.columns, first // BLOCK * track.width, unknowns, used, moments)
         _add_products(track.weighted, track.instruments, 0, unknowns, unknowns, spread)
     known = noise[0] + noise[1] - noise[2]
     for i in range(unknowns):
@@ -226,8 +230,8 @@ def fill_instruments(theta, track, first, noise):
     columns, told = _block(track, first)
     if len(theta) > STILL_ROWS:
         _fill_instruments(theta, columns, told, noise, MOTION, track.instruments, track.weighted)
-        _fill_motion(columns, track.instruments)
-        _fill_motion(columns, track.weighted)
+        _fill_motion(3, columns, track.instruments, track.instruments[STILL_ROWS * BLOCK :])
+        _fill_motion(3, columns, track.weighted, track.weighted[STILL_ROWS * BLOCK :])
     else:
         _fill_instruments(theta, columns, told, noise, NO_MOTION, track.instruments, track.weighted)
 
@@ -244,8 +248,9 @@ def _fill_instruments(theta, columns, told, noise, motion, instruments, weighted
         x, y = told[k] - x0 - t * vx, told[BLOCK + k] - y0 - t * vy
         z = z0 + t * vz - columns[UP * BLOCK + k]
         xx, yy, zz = x * x, y * y, z * z
-        s = 2 * np.sqrt(xx + yy + zz)
-        w = columns[ONE * BLOCK + k] / (xx * gx + yy * gy + zz * rr + floor)
+        # In single precision, which takes a third of the time: rounding of instruments and weights biases nothing.
+        s = 2 * np.sqrt(np.float32(xx + yy + zz))
+        w = np.float32(columns[ONE * BLOCK + k]) / np.float32(xx * gx + yy * gy + zz * rr + floor)
         instruments[k] = -2 * x
         instruments[BLOCK + k] = -2 * y
         instruments[2 * BLOCK + k] = 2 * z
@@ -254,14 +259,15 @@ def _fill_instruments(theta, columns, told, noise, motion, instruments, weighted
         weighted[BLOCK + k] = -2 * y * w
         weighted[2 * BLOCK + k] = 2 * z * w
         weighted[3 * BLOCK + k] = s * w
+        weighted[WEIGHT * BLOCK + k] = w
 
 
 @_fast
-def _fill_motion(columns, rows):
+def _fill_motion(rows, columns, places, velocities):
     """Fills the rows of velocities: those of places times t."""
-    for i in range(3):
+    for i in range(rows):
         for k in range(BLOCK):
-            rows[(4 + i) * BLOCK + k] = columns[T * BLOCK + k] * rows[i * BLOCK + k]
+            velocities[i * BLOCK + k] = columns[T * BLOCK + k] * places[i * BLOCK + k]
 
 
 @compiled
@@ -324,40 +330,63 @@ def take_out_noise(theta, track, noise, root, moments):
     of its own error, the other way round. root : (P, P) of the spread.
     """
     own, change, lost = _nothing_lost(len(theta))
-    inverse = np.eye(len(theta))
-    whiten(root, inverse)
+    form = _leverage_form(root)
     for first in range(0, track.pings, BLOCK):
         fill_instruments(theta, track, first, noise)
         columns = _block(track, first)[0]
         if len(theta) > STILL_ROWS:
-            _fill_leverage(inverse, columns, MOTION, track.instruments, track.weighted, own)
+            _fill_leverage(form, columns, MOTION, track.instruments, track.weighted, own)
         else:
-            _fill_leverage(inverse, columns, NO_MOTION, track.instruments, track.weighted, own)
+            _fill_leverage(form, columns, NO_MOTION, track.instruments, track.weighted, own)
         _lose(len(theta), track, first, noise, own, change, lost)
     _take_out(lost, moments)
 
 
+@compiled
+def _leverage_form(root):
+    """Coefficients (4, 4, 3) of the products of a ping's first four instruments, and of these times t and t squared."""
+    unknowns = len(root)
+    inverse, form = np.eye(unknowns), np.zeros((4, 4, 3))
+    whiten(root, inverse)
+    for i in range(unknowns):
+        for j in range(unknowns):
+            value = 0.0
+            for k in range(unknowns):
+                value += inverse[k, i] * inverse[k, j]
+            power = (i > 3) + (j > 3)
+            form[min(i % 4, j % 4), max(i % 4, j % 4), power] += value
+    return form
+
+
 @_fast
-def _fill_leverage(inverse, columns, motion, instruments, weighted, leverage):
-    """Fills the leverages (BLOCK,), less than zero, of a block; inverse : (P, P) of the root."""
+def _fill_leverage(form, columns, motion, instruments, weighted, leverage):
+    """Fills the leverages (BLOCK,), less than zero, of a block; form : (4, 4, 3)."""
     moving = len(motion) > 0
-    leverage[:] = 0.0
-    for i in range(len(inverse)):
-        a, b, c, d = inverse[i, 0], inverse[i, 1], inverse[i, 2], inverse[i, 3]
-        e, f, g = (inverse[i, 4], inverse[i, 5], inverse[i, 6]) if moving else (0.0, 0.0, 0.0)
-        for k in range(BLOCK):
-            t = columns[T * BLOCK + k] if moving else 0.0
-            x, y, z = instruments[k], instruments[BLOCK + k], instruments[2 * BLOCK + k]
-            white = (a + t * e) * x + (b + t * f) * y + (c + t * g) * z + d * instruments[3 * BLOCK + k]
-            leverage[k] -= white * white
     for k in range(BLOCK):
-        leverage[k] *= weighted[3 * BLOCK + k] / instruments[3 * BLOCK + k]
+        t = columns[T * BLOCK + k] if moving else 0.0
+        x, y, z, s = (
+            instruments[k],
+            instruments[BLOCK + k],
+            instruments[2 * BLOCK + k],
+            instruments[3 * BLOCK + k],
+        )
+        total = x * (
+            _at(form, 0, 0, t) * x + _at(form, 0, 1, t) * y + _at(form, 0, 2, t) * z + _at(form, 0, 3, t) * s
+        )
+        total += y * (_at(form, 1, 1, t) * y + _at(form, 1, 2, t) * z + _at(form, 1, 3, t) * s)
+        total += z * (_at(form, 2, 2, t) * z + _at(form, 2, 3, t) * s) + _at(form, 3, 3, t) * s * s
+        leverage[k] = -total * weighted[WEIGHT * BLOCK + k]
+
+
+@_fast
+def _at(form, i, j, t):
+    return form[i, j, 0] + t * (form[i, j, 1] + t * form[i, j, 2])
 
 
 @compiled
 def _nothing_lost(unknowns):
     """What a block's pings share (BLOCK,), scratch for `_lose`, and sums to begin with."""
-    return np.empty(BLOCK), np.zeros(2 * START_ROWS * BLOCK), np.zeros((2, 3, unknowns, 2))
+    return np.empty(BLOCK), np.zeros(2 * ROWS * BLOCK), np.zeros((2, unknowns, 3))
 
 
 @compiled
@@ -366,39 +395,38 @@ def _lose(unknowns, track, first, noise, own, change, lost):
     columns = _block(track, first)[0]
     _fill_change(noise, own, track.instruments, track.weighted, change)
     for axis in range(2):
-        rows = change[axis * START_ROWS * BLOCK : (axis + 1) * START_ROWS * BLOCK]
+        rows = change[axis * ROWS * BLOCK : (axis + 1) * ROWS * BLOCK]
         if unknowns > STILL_ROWS:
-            _fill_motion(columns, rows)
-            _add_products(rows, columns, T * BLOCK, unknowns, 2, lost[axis, 2])
-        _add_products(rows, columns, EAST * BLOCK, unknowns, 2, lost[axis, 0])
-        _add_products(rows, columns, RANGE * BLOCK, unknowns, 2, lost[axis, 1])
+            _fill_motion(3, columns, rows, rows[STILL_ROWS * BLOCK :])
+            _add_products(rows, columns, T, unknowns, 1, lost[axis, :, 2:])
+        _add_products(rows, columns, EAST + axis, unknowns, 2, lost[axis], ONE - EAST - axis)
 
 
 @compiled
 def _take_out(lost, moments):
     for axis in range(2):
         for i in range(len(moments)):
-            moments[i, KNOWN] -= lost[axis, 0, i, axis]
-            moments[i, EAST + axis] -= lost[axis, 1, i, ONE - RANGE] / 2
-            moments[i, T_EAST + axis] -= lost[axis, 2, i, 0] / 2
+            moments[i, KNOWN] -= lost[axis, i, 0]
+            moments[i, EAST + axis] -= lost[axis, i, 1] / 2
+            moments[i, T_EAST + axis] -= lost[axis, i, 2] / 2
 
 
 @_fast
 def _fill_change(noise, shared, instruments, weighted, change):
     """Fills 2 shared g^2 times how weighted instruments change with the smoothed place, east and then north."""
-    gx, gy, rr, north = noise[0], noise[1], noise[2], START_ROWS * BLOCK
+    gx, gy, rr, north = noise[0], noise[1], noise[2], ROWS * BLOCK
     for k in range(BLOCK):
         x, y, z, s = weighted[k], weighted[BLOCK + k], weighted[2 * BLOCK + k], weighted[3 * BLOCK + k]
-        per = 1 / instruments[3 * BLOCK + k]
+        w, per = weighted[WEIGHT * BLOCK + k], 1 / instruments[3 * BLOCK + k]
         east_share, north_share = 4 * shared[k] * gx, 4 * shared[k] * gy
         # the logarithm of w changes by -8 dx w (gx^2 + range's), and dx is -instrument / 2
         by_east, by_north = 2 * east_share * x * (gx + rr), 2 * north_share * y * (gy + rr)
-        change[k] = by_east * x - east_share * s * per
+        change[k] = by_east * x - east_share * w
         change[BLOCK + k] = by_east * y
         change[2 * BLOCK + k] = by_east * z
         change[3 * BLOCK + k] = by_east * s - east_share * x * per
         change[north + k] = by_north * x
-        change[north + BLOCK + k] = by_north * y - north_share * s * per
+        change[north + BLOCK + k] = by_north * y - north_share * w
         change[north + 2 * BLOCK + k] = by_north * z
         change[north + 3 * BLOCK + k] = by_north * s - north_share * y * per
 

@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
-from trackerlib.compiled import compiled, warms
+from trackerlib.compiled import compiled, compiled_with, warms
 
 # Only this kernel may reorder a sum: it is what lets it run on vectors. Every value goes through the same loop
 # whatever the cut of the blocks, so its last bit does not depend on that.
-_reordered = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+_reordered = compiled_with("reassoc", "contract")
 
 TUNED_STATE = np.dtype([(name, np.float64) for name in ("i1", "q1", "i2", "q2")])
 

@@ -7,10 +7,9 @@ belongs to one cell or one sample of the stream, always in the same order: where
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
-from trackerlib.compiled import compiled, warms
+from trackerlib.compiled import compiled, compiled_with, warms
 
 MANTISSA, EXPONENT, ULP = np.int32(0x7FFFFF), np.float32(127), np.float32(2.0**-23)  # of a float32
 BEND = np.float32(0.3466)  # of log2 between powers of two, to 0.01
@@ -37,7 +36,7 @@ def scale_whole_numbers(samples, gain, out):
 
 
 # Reassociation lets the sum run in vector lanes. Every cell runs over the same padded width, and so in the same order.
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@compiled_with("reassoc", "contract", "nsz")
 def _mix(samples, cosine, sine):
     i, q = np.float32(0), np.float32(0)
     for m in range(len(cosine)):
