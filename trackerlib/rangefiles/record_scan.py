@@ -28,9 +28,6 @@ _word = np.uint64
 _BLANKS, _HIGH = _word(0x2020202020202020), _word(0x8080808080808080)
 _NUMBER = _word(0x002E303030303030)  # six zeros and the point behind them
 _NOT_NUMBER = _word(0x007F767676767676)  # added to (word ^ _NUMBER), sets the high bit of whatever differs
-_TO_HIGH = _word(0x6060606060606060)  # added to a byte, sets the high bit of all but control characters
-_EVEN, _PAIR_ONES = _word(0x00FF00FF00FF00FF), _word(0x0001000100010001)
-_LANES_HOLD = 224  # words whose bytes, 0 or 1 each, can be added up byte by byte
 _MINUS = _word(0x0D0D0D0D0D0D0D0D)  # '-' ^ ' ' in every byte
 _NO_MARK = 0x2020
 _LINES = 64  # looked at together
@@ -175,8 +172,7 @@ def _line_start(text: np.ndarray, place: int) -> int:
 def _scan_stretch(text: np.ndarray, start: int, stop: int, mode: int, columns: list[np.ndarray]) -> _Part:
     text = text.view()
     text.flags.writeable = False  # as a mapped file is, so that one compilation serves both
-    aligned = text[: len(text) // 8 * 8].view(np.uint64)
-    kept, *rest = _scan(text, aligned, start, stop, mode, *columns)
+    kept, *rest = _scan(text, text.view(np.int8), start, stop, mode, *columns)
     return _Part([column[:kept] for column in columns], *rest)
 
 
@@ -257,30 +253,23 @@ def _take_words(text, place, step, many, words, faults, arrays, modes, marks):
 
 
 @compiled
-def _is_plain(text, aligned, place, stop, lines, step):
-    """Whether so many lines of one length begin here, and nothing else than their ends is no plain ASCII."""
-    if place + lines * step > stop:
-        return False
-    for k in range(1, lines + 1):
-        if text[place + k * step - 1] != _NEWLINE:
+def _least_bytes(step):
+    """The least byte that may stand at each place of so many lines of one length: a blank, or the line's end."""
+    least = np.full(_LINES * step, np.int8(32))
+    least[step - 1 :: step] = _NEWLINE
+    return least
+
+
+@compiled
+def _is_plain(signed, place, least, step):
+    """Whether _LINES lines of one length begin here, and nothing else than their ends is no plain ASCII."""
+    for end in range(place + step - 1, place + len(least), step):
+        if signed[end] != _NEWLINE:
             return False
-    first, last = (place + 7) // 8, (place + lines * step) // 8
-    found, strange = numba.uint64(0), numba.uint64(0)
-    for begin in range(first, last, _LANES_HOLD):
-        lanes = numba.uint64(0)
-        for k in range(begin, min(begin + _LANES_HOLD, last)):
-            word = aligned[numba.uint64(k)]
-            strange |= word
-            lanes += (~(word + _TO_HIGH) & _HIGH) >> numba.uint64(7)
-        pairs = (lanes & _EVEN) + ((lanes >> numba.uint64(8)) & _EVEN)
-        found += (pairs * _PAIR_ONES) >> numba.uint64(48)
-    for k in range(place, 8 * first):
-        found += numba.uint64(text[k] < 32)
-        strange |= numba.uint64(text[k])
-    for k in range(8 * last, place + lines * step):
-        found += numba.uint64(text[k] < 32)
-        strange |= numba.uint64(text[k])
-    return found == numba.uint64(lines) and (strange & _HIGH) == numba.uint64(0)
+    strange, begin = False, numba.uint64(place)
+    for k in range(len(least)):
+        strange |= signed[begin + numba.uint64(k)] < least[numba.uint64(k)]  # bytes above 127 are below 0
+    return not strange
 
 
 @compiled
@@ -294,10 +283,10 @@ def _line_end(text, place, stop):
 
 
 @compiled
-def _join_faults(faults, wrong, many):
+def _join_faults(faults, wrong):
     """Adds to `wrong` what is wrong with the numbers of each record; whether there is any."""
     found = False
-    for k in range(many):
+    for k in range(_LINES):
         fault = faults[0, k] | faults[1, k] | faults[2, k] | faults[3, k]
         wrong[k] |= fault != numba.uint64(0)
         found |= wrong[k]
@@ -318,7 +307,7 @@ def _pick(modes, marks, wrong, faulty, wanted, many, of_mode, pick):
 
 
 @compiled
-def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode, flagged):
+def _scan(text, signed, start, stop, wanted, line, count, position, array, mode, flagged):
     """Fills the columns of a _Part for the lines from `start` to `stop`, behind which MARGIN more bytes are.
 
     Returns how many reports are kept, and the other fields of a _Part.
@@ -330,19 +319,25 @@ def _scan(text, aligned, start, stop, wanted, line, count, position, array, mode
     odd, odds = np.empty((16, 3), np.int64), 0
     of_mode, pick = np.zeros((4, 10), np.int64), np.empty(_LINES, np.int64)
     kept, lines, first, usual, single, foreign = 0, 0, -1, COLUMNS, 0, False
+    least = _least_bytes(COLUMNS + 1)
     place = start
     while place < stop:
         step, many = usual + 1, _LINES
-        if single > 0 or not _is_plain(text, aligned, place, stop, _LINES, step):
+        if len(least) != _LINES * step:
+            least = _least_bytes(step)
+        if single > 0 or place + len(least) > stop or not _is_plain(signed, place, least, step):
             single, many = (single if single > 0 else _LINES) - 1, 1
             length = _line_end(text, place, stop) - place
             if length < 0:
                 foreign = True
                 break
             usual, step = max(length, COLUMNS), length + 1
-        _take_words(text, place, step, many, words, wrong, arrays, modes, marks)
+        if many == _LINES and step == COLUMNS + 1:  # numbers that the compiler knows make it quicker
+            _take_words(text, place, COLUMNS + 1, _LINES, words, wrong, arrays, modes, marks)
+        else:
+            _take_words(text, place, step, many, words, wrong, arrays, modes, marks)
         _read_numbers(*flat)
-        faulty = _join_faults(faults, wrong, many) or step <= COLUMNS
+        faulty = _join_faults(faults, wrong) or step <= COLUMNS
         if faulty:
             for k in range(many):
                 if wrong[k] or step <= COLUMNS:
