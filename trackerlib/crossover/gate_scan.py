@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 
+import numba
 import numpy as np
 
 from trackerlib.compiled import compiled, in_threads, warms
@@ -82,9 +83,9 @@ def _stretches(point_count: np.ndarray) -> list[tuple[int, int]]:
 
 
 @compiled
-def _group_end(point_count, start, stop):
-    end = start + 1
-    while end < stop and point_count[end] == point_count[start]:
+def _group_end(point_count, end, stop):
+    """Where the reports at the point count of that before `end` end."""
+    while end < stop and point_count[end] == point_count[end - 1]:
         end += 1
     return end
 
@@ -111,22 +112,25 @@ def _keeps_one_array(array, verdict):
     """Whether all that are KEPT have the same array."""
     low, high = _BEYOND, _BEFORE
     for k in range(len(verdict)):
-        if verdict[k] == KEPT:
-            low, high = min(low, np.int64(array[k])), max(high, np.int64(array[k]))
+        number, kept = np.int64(array[k]), verdict[k] == KEPT
+        low, high = min(low, number if kept else _BEYOND), max(high, number if kept else _BEFORE)
     return low == high
 
 
 @compiled
 def _judge(point_count, array, position, place, lowest, limit, verdict):
     _judge_ranges(array, position, place, lowest, limit, verdict)
-    size, start = np.uint64(len(verdict)), np.uint64(0)
-    while start < size:
-        one, number, end = point_count[start], array[start], start
+    start, size = 0, 1
+    while start < len(verdict):
+        end = start + size  # as many as at the last point count, mostly
+        if end > len(verdict) or point_count[end - 1] != point_count[start]:
+            end = start + 1
+        end = _group_end(point_count, end, len(verdict))
+        size = end - start
         several, best = False, verdict[start]
-        while end < size and point_count[end] == one:
-            several |= array[end] != number
-            best = max(best, verdict[end])
-            end += np.uint64(1)
+        for k in range(numba.uint64(start), numba.uint64(end)):
+            several |= array[k] != array[start]
+            best = max(best, verdict[k])
         if not several:
             verdict[start:end] = ALONE
         elif best == KEPT and _keeps_one_array(array[start:end], verdict[start:end]):
@@ -167,7 +171,7 @@ def _match(point_count, array, arrays, place, matches):
     """Writes the matches of each pair from its place on, which moves; without room for any it only counts."""
     start = 0
     while start < len(point_count):
-        end = _group_end(point_count, start, len(point_count))
+        end = _group_end(point_count, start + 1, len(point_count))
         for j in range(start, end):
             for k in range(j + 1, end):
                 low, high = (j, k) if array[j] < array[k] else (k, j)
