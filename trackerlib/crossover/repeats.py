@@ -18,6 +18,12 @@ NEIGHBOURS_PER_SIDE = 5
 _MOST = 2 * NEIGHBOURS_PER_SIDE
 _PAIRS = 48  # room for every two of these, in whole steps of the processor
 _WEIGHT, _REACHED, _ROOM = 3 * _PAIRS, 4 * _PAIRS, 7 * _PAIRS  # rows behind those of x, y and z
+_AWAY = np.arange(-NEIGHBOUR_COUNTS, NEIGHBOUR_COUNTS + 1.0)
+with np.errstate(divide="ignore", invalid="ignore"):
+    # Of two neighbours so many counts away: which share of the way from the first to the second the prediction is
+    # at, and how little it amplifies their noise. Kept, for a division takes as long as all else of a pair.
+    _SHARE = -_AWAY[:, None] / (_AWAY - _AWAY[:, None])
+    _QUIET = 1.0 / np.sqrt(_SHARE * _SHARE + (1.0 - _SHARE) * (1.0 - _SHARE))
 _TIE = 1e-12  # of all weight: two halves that are alike but for rounding
 _FEWEST = 500  # repeats for which a thread of its own is worth its start
 
@@ -118,14 +124,18 @@ def resolve_repeats(
 def predict_position(point_count: int, counts: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Where a track (K, 3) at `counts` (K,) puts the vehicle at `point_count`: (3,), NaN without a neighbour.
 
-    Each two neighbours, of whom there are 10 at most, at different counts give a straight-line prediction; the
-    answer is the median of these, weighted by how little each amplifies the neighbours' noise, so that a few wild
-    neighbours do not move it.
+    Each two neighbours, of whom there are 10 at most and none farther than 12 counts, at different counts give a
+    straight-line prediction; the answer is the median of these, weighted by how little each amplifies the
+    neighbours' noise, so that a few wild neighbours do not move it.
     """
     predicted, size = np.empty(3), len(counts)
     if size > _MOST:
         raise ValueError(f"found {size} neighbours, wanted {_MOST} at most")
-    away = np.asarray(counts, np.float64) - point_count
+    away = np.asarray(counts, np.int64) - point_count
+    if np.any(np.abs(away) > NEIGHBOUR_COUNTS):
+        raise ValueError(
+            f"found a neighbour {np.abs(away).max()} counts away, wanted {NEIGHBOUR_COUNTS} at most"
+        )
     _predict(away, np.asarray(positions, np.float64), size, np.empty(_ROOM), predicted)
     return predicted
 
@@ -137,8 +147,8 @@ def _predict(away, positions, size, work, predicted):
     for i in range(size):
         for j in range(i + 1, size):
             if away[i] != away[j]:
-                share = -away[i] / (away[j] - away[i])
-                work[_WEIGHT + count] = 1.0 / math.sqrt(share * share + (1.0 - share) * (1.0 - share))
+                one, two = away[i] + NEIGHBOUR_COUNTS, away[j] + NEIGHBOUR_COUNTS
+                share, work[_WEIGHT + count] = _SHARE[one, two], _QUIET[one, two]
                 for axis in range(3):
                     work[_PAIRS * axis + count] = positions[i, axis] + share * (
                         positions[j, axis] - positions[i, axis]
@@ -215,7 +225,7 @@ def _most_members(point_count, array, kept, firsts):
 def _choose(
     point_count, array, position, kept, told, keep, firsts, member, distance, chosen, neighbours, by_hand
 ):
-    away, near, expected = np.empty(_MOST), np.empty((_MOST, 3)), np.empty(3)
+    away, near, expected = np.empty(_MOST, np.int64), np.empty((_MOST, 3)), np.empty(3)
     work = np.empty(_ROOM)
     for r in range(len(firsts)):
         first = kept[firsts[r]]
