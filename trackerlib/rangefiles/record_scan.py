@@ -26,8 +26,8 @@ _NEWLINE, _RETURN = 10, 13
 
 _word = np.uint64
 _BLANKS, _HIGH = _word(0x2020202020202020), _word(0x8080808080808080)
-_NUMBER = _word(0x002E303030303030)  # six zeros and the point behind them
-_NOT_NUMBER = _word(0x007F767676767676)  # added to (word ^ _NUMBER), sets the high bit of whatever differs
+_NUMBER = _word(0x00302E3030303030)  # six zeros, the point before the last
+_NOT_NUMBER = _word(0x00767F7676767676)  # added to (word ^ _NUMBER), sets the high bit of whatever differs
 _MINUS = _word(0x0D0D0D0D0D0D0D0D)  # '-' ^ ' ' in every byte
 _NO_MARK = 0x2020
 _LINES = 64  # looked at together
@@ -193,38 +193,51 @@ def _load(text, place):
 
 
 @compiled
-def _read_numbers(words, values, faults):
-    """Numbers that words spell in the columns `ddddd.d`, blanks and a minus in front allowed; a fault is not 0.
+def _number(word):
+    """Feet that a word spells in the columns `ddddd.d`, and what is wrong with it, 0 for nothing.
+
+    Blanks and a minus in front are allowed.
+    """
+    one, byte, eight = numba.uint64(1), numba.uint64(255), numba.uint64(8)
+    value = word ^ _NUMBER
+    other = (value + _NOT_NUMBER) & _HIGH
+    before = other | (other - (other >> numba.uint64(7)))  # all ones in bytes that hold something else
+    mark = (word ^ _BLANKS) & before
+    sign = _MINUS & (before ^ (before >> eight))  # what a minus before the first digit leaves
+    minus = mark != numba.uint64(0)
+    fault = (
+        (before & (before + one))
+        | (mark ^ (sign if minus else numba.uint64(0)))
+        | (before >> numba.uint64(40))
+    )
+    digits = value & ~before
+    pairs = digits * numba.uint64(10) + (digits >> eight)
+    number = (
+        (pairs & byte) * numba.uint64(10000)
+        + ((pairs >> numba.uint64(16)) & byte) * numba.uint64(100)
+        + ((pairs >> numba.uint64(32)) & byte)  # ten times the fifth, and the point's nothing
+        + ((digits >> numba.uint64(48)) & byte)
+    )
+    tenths = numba.float64(numba.int64(number))
+    feet = tenths * _TENTH + tenths * _TENTH_REST
+    return -feet if minus else feet, fault
+
+
+@compiled
+def _read_numbers(words, values, wrong):
+    """Fills the numbers (4, n) that words spell, adds to `wrong` (n,) those that do not; whether any is wrong.
 
     The words are independent and hold no branch, so that the compiler works on several at once.
     """
-    five, sixth, seventh = _word(0xFFFFFFFFFF), _word(0xFF << 40), _word(0xFF << 48)
-    one, byte, eight = numba.uint64(1), numba.uint64(255), numba.uint64(8)
-    for k in range(len(words)):
-        word = words[k]
-        # The point goes behind the digits.
-        word = (word & five) | ((word >> eight) & sixth) | ((word << eight) & seventh)
-        value = word ^ _NUMBER
-        other = (value + _NOT_NUMBER) & _HIGH
-        before = other | (other - (other >> numba.uint64(7)))  # all ones in bytes that hold something else
-        mark = (word ^ _BLANKS) & before
-        sign = _MINUS & (before ^ (before >> eight))  # what a minus before the first digit leaves
-        minus = mark != numba.uint64(0)
-        faults[k] = (
-            (before & (before + one))
-            | (mark ^ (sign if minus else numba.uint64(0)))
-            | (before >> numba.uint64(40))
-        )
-        digits = (value & ~before) << numba.uint64(16)
-        pairs = digits * numba.uint64(10) + (digits >> eight)
-        number = (
-            ((pairs >> numba.uint64(16)) & byte) * numba.uint64(10000)
-            + ((pairs >> numba.uint64(32)) & byte) * numba.uint64(100)
-            + ((pairs >> numba.uint64(48)) & byte)
-        )
-        tenths = numba.float64(numba.int64(number))
-        feet = tenths * _TENTH + tenths * _TENTH_REST
-        values[k] = -feet if minus else feet
+    found = False
+    for k in range(_LINES):
+        values[0, k], count = _number(words[0, k])
+        values[1, k], x = _number(words[1, k])
+        values[2, k], y = _number(words[2, k])
+        values[3, k], z = _number(words[3, k])
+        wrong[k] |= (count | x | y | z) != numba.uint64(0)
+        found |= wrong[k]
+    return found
 
 
 @compiled
@@ -283,17 +296,6 @@ def _line_end(text, place, stop):
 
 
 @compiled
-def _join_faults(faults, wrong):
-    """Adds to `wrong` what is wrong with the numbers of each record; whether there is any."""
-    found = False
-    for k in range(_LINES):
-        fault = faults[0, k] | faults[1, k] | faults[2, k] | faults[3, k]
-        wrong[k] |= fault != numba.uint64(0)
-        found |= wrong[k]
-    return found
-
-
-@compiled
 def _pick(modes, marks, wrong, faulty, wanted, many, of_mode, pick):
     """Counts the good records of each mode, in four rows so that none waits for the last, and lists those to keep."""
     picked = 0
@@ -312,9 +314,8 @@ def _scan(text, signed, start, stop, wanted, line, count, position, array, mode,
 
     Returns how many reports are kept, and the other fields of a _Part.
     """
-    words, faults = np.empty((4, _LINES), np.uint64), np.empty((4, _LINES), np.uint64)
-    values, wrong = np.empty((4, _LINES), np.float64), np.empty(_LINES, np.bool_)
-    flat = words.reshape(4 * _LINES), values.reshape(4 * _LINES), faults.reshape(4 * _LINES)
+    words, values = np.empty((4, _LINES), np.uint64), np.empty((4, _LINES), np.float64)
+    wrong = np.zeros(_LINES, np.bool_)
     arrays, modes, marks = np.empty(_LINES, np.int64), np.empty(_LINES, np.int64), np.empty(_LINES, np.int64)
     odd, odds = np.empty((16, 3), np.int64), 0
     of_mode, pick = np.zeros((4, 10), np.int64), np.empty(_LINES, np.int64)
@@ -323,7 +324,7 @@ def _scan(text, signed, start, stop, wanted, line, count, position, array, mode,
     place = start
     while place < stop:
         step, many = usual + 1, _LINES
-        if len(least) != _LINES * step:
+        if single == 0 and len(least) != _LINES * step:
             least = _least_bytes(step)
         if single > 0 or place + len(least) > stop or not _is_plain(signed, place, least, step):
             single, many = (single if single > 0 else _LINES) - 1, 1
@@ -336,8 +337,7 @@ def _scan(text, signed, start, stop, wanted, line, count, position, array, mode,
             _take_words(text, place, COLUMNS + 1, _LINES, words, wrong, arrays, modes, marks)
         else:
             _take_words(text, place, step, many, words, wrong, arrays, modes, marks)
-        _read_numbers(*flat)
-        faulty = _join_faults(faults, wrong) or step <= COLUMNS
+        faulty = _read_numbers(words, values, wrong) or step <= COLUMNS
         if faulty:
             for k in range(many):
                 if wrong[k] or step <= COLUMNS:
