@@ -81,10 +81,14 @@ def test_columns_shifted_by_one_are_named_and_the_other_records_used(run, folder
     assert code == 0
     assert answer["bad_records"][0]["line"] == 32
     assert "columns 9-15 (downrange) hold" in answer["bad_records"][0]["why"]
+    assert answer["bad_records"][0]["why"].endswith("; the record is shifted to the right by one column")
     spoil(folder / "tfile.dat", lambda lines: [*lines[:31], *(" " + line for line in lines[32:])])
     code, _, said = run(command)
     assert code == 2
     assert "line 32: columns 9-15 (downrange)" in said
+    assert "shifted to the right by one column" in said
+    spoil(folder / "tfile.dat", lambda lines: [*lines[:31], *(line[2:] for line in lines[31:])])
+    assert "wanted 68 columns; the record is shifted to the left by one column" in run(command)[2]
 
 
 @pytest.mark.parametrize(
@@ -193,6 +197,25 @@ def test_targets_below_the_array_are_asked_about_and_timed(run, folder):
         code, answer, _ = run(command)
         assert code == 0
         assert any("lie deeper than their own array" in warning for warning in answer["warnings"])
+
+
+@pytest.mark.parametrize("command", ["timing", "correct"])
+def test_a_profile_that_ends_above_an_array_is_remarked_and_depths_in_metres_asked_about(
+    run, folder, gated, command
+):
+    files = sorted(gated.iterdir())[:1] if command == "timing" else ()
+    rows = (folder / "VELOCITY.DAT").read_text().splitlines()
+    (folder / "VELOCITY.DAT").write_text("\n".join(rows[:40]) + "\n")
+    code, _, said = run(command, *files)
+    assert code == 0
+    assert "the profile ends at 987.5 ft, and arrays 1, 2" in said
+    assert "metres" not in said
+    rows = [f"{METRES * float(depth):.2f} {speed}" for depth, speed in map(str.split, rows)]
+    (folder / "VELOCITY.DAT").write_text("\n".join(rows) + "\n")
+    assert (
+        "speed goes on with the mean step of the last rows. Are its depths in metres?"
+        in run(command, *files)[2]
+    )
 
 
 def test_turned_rays_are_counted_and_take_no_part(run, folder, capsys):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from trackerlib.commands.range_inputs import read_profile, read_survey, tell
-from trackerlib.crossover.doubts import report_doubts
+from trackerlib.crossover.doubts import profile_doubts, report_doubts
 from trackerlib.crossover.gating import MAX_SLANT_RANGE_FT, gate_mode_and_flag
 from trackerlib.rangefiles.calibration_file import read_calibration
 from trackerlib.rangefiles.corrected_tfile import CorrectedCopy, corrected_copy
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> dict:
     )
     track = _whole_track(args, tfile, survey, profile) if args.track else None
     write_bytes(args.out, copy.content)
-    warnings = [*tfile.warnings, *_warnings(args, tfile, survey, corrected, copy)]
+    warnings = [*tfile.warnings, *_warnings(args, tfile, survey, profile, corrected, copy)]
     tell("correct", (), warnings)
     answer = document(args, tfile, corrected, copy, warnings)
     if track is not None:
@@ -165,10 +165,11 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"--out is {args.out}, the T-file itself; wanted another file")
 
 
-def _warnings(args, tfile, survey, corrected, copy) -> list[str]:
+def _warnings(args, tfile, survey, profile, corrected, copy) -> list[str]:
     reports = tfile.reports
     wanted = ~reports.flagged if args.mode is None else (reports.mode == args.mode) & ~reports.flagged
     warnings = report_doubts(reports.position[wanted], reports.array[wanted], survey, args.max_slant_range_ft)
+    warnings += profile_doubts(profile, survey, reports.array[wanted])
     warnings += [
         f"array {array} has no surveyed position: {count} reports are left as they were"
         for array, count in corrected.unplaced.items()

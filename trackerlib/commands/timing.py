@@ -13,7 +13,7 @@ import numpy as np
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.commands.campaign_runs import each_run, failures_report
 from trackerlib.commands.range_inputs import read_profile, read_survey, tell
-from trackerlib.crossover.doubts import set_doubts
+from trackerlib.crossover.doubts import profile_doubts, set_doubts
 from trackerlib.crossover.gating import gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
@@ -21,6 +21,7 @@ from trackerlib.rangefiles.campaign import CampaignRun, read_campaign
 from trackerlib.rangefiles.crossover_file import crossover_file_name, read_crossover
 from trackerlib.rangefiles.m_matrix_file import read_m_matrix
 from trackerlib.rangefiles.tfile import read_tfile
+from trackerlib.rounding import value_with_sigma
 from trackerlib.textfiles import InputError, write_text
 from trackerlib.timing.causes import CauseFit, Ranking, compare_causes
 from trackerlib.timing.correction import METHODS, OUTLIERS, TimingCorrection, fit_timing
@@ -121,6 +122,7 @@ def fit_sets(args: argparse.Namespace, survey: ArraySurvey, profile: SoundSpeedP
         sets.append(reading.set)
     if not answers:
         raise InputError(f"no crossover set is of use; {failed[0]['file']}: {failed[0]['why']}")
+    tell(profile.name, (), profile_doubts(profile, survey, {n for one in sets for n in one.pair}))
     for one in failed:
         print(f"timing: {one['file']} is no use: {one['why']}; the other sets go on", file=sys.stderr)
     return answers, sets, failed
@@ -196,7 +198,8 @@ def fit_run(args: argparse.Namespace, one: CampaignRun) -> tuple[list[dict], boo
     profile = read_profile(one.profile, args.profile_speeds)
     tfile = read_tfile(one.tfile, one.header_records, one.mode)
     gated = gate_reports(tfile.reports, survey, one.mode, run_date=tfile.run_date)
-    tell(f"timing: {one}", gated.bad_records, (*tfile.warnings, *gated.warnings))
+    doubts = profile_doubts(profile, survey, {n for crossover in gated.sets for n in crossover.pair})
+    tell(f"timing: {one}", gated.bad_records, (*tfile.warnings, *gated.warnings, *doubts))
     folder, answers = Path(f"day_{one.day}_run_{one.run}_mode_{one.mode}"), []
     for crossover in gated.sets:
         fit = fit_timing(crossover, survey, profile, method=args.method, outliers=args.outliers)
@@ -259,52 +262,62 @@ def offsets_csv(answers: list[dict], day: str = "", run_name: str = "") -> str:
 
 def report(answer: dict) -> str:
     """The answer of `timing` for a person, a line a set."""
-    lines = ["pair       T   offset (ms)        drift (ms/count)      rms gap (ft)"]
-    for one in answer["sets"]:
-        pair = "{}-{}".format(*one["pair"])
-        shadow = f"   {one['in_shadow']} points in shadow" if one["in_shadow"] else ""
-        if not one["points"]:
-            lines.append(f"{pair:8} {0:3d}   no offset: {one['reason']}{shadow}")
-            continue
-        if one["sigma_offset_ms"] is None:
-            even = one["isotropic_sigma_offset_ms"]
-            also = "" if even is None else f"; with equal noise on every axis ± {even:.2g}"
-            lines.append(
-                f"{pair:8} {one['points']:3d}   {one['offset_ms']:7.3f}, no sigma: {one['reason']}{also}{shadow}"
-            )
-            continue
-        apart = f"   still apart: {', '.join(one['separated'])}" if one["separated"] else ""
-        outliers = len(one["excluded_counts"]) - one["in_shadow"]
-        left_out = (f"   {outliers} outliers left out" if outliers else "") + shadow
+    lines = ["pair       T   about count   offset (ms)        drift (ms/count)      rms gap (ft)"]
+    lines += [_set_line(one) for one in answer["sets"]]
+    for name, one in (answer.get("one_offset") or {}).items():
+        kind = "one offset for all sets" if name == "constant" else "one offset and one drift"
+        verdict = "serves" if one["p_value"] > SERVES else "does not serve"
         lines.append(
-            f"{pair:8} {one['points']:3d}   {one['offset_ms']:7.3f} ± {one['sigma_offset_ms']:.3f}   "
-            f"{one['drift_ms_per_count']:9.4f} ± {one['sigma_drift_ms_per_count']:.4f}   "
-            f"{one['rms_before_ft']:.1f} -> {one['rms_after_ft']:.1f}{left_out}{apart}"
+            f"{kind} {verdict}: {one['mean_offset_ms']:.3f} ± {one['sigma_mean_offset_ms']:.3f} ms, distance "
+            f"{one['distance']:.1f} with {one['dof']} degrees of freedom, p {one['p_value']:.2g}"
         )
-    if answer.get("one_offset"):
-        for name, one in answer["one_offset"].items():
-            kind = "one offset for all sets" if name == "constant" else "one offset and one drift"
-            verdict = "serves" if one["p_value"] > SERVES else "does not serve"
-            lines.append(
-                f"{kind} {verdict}: {one['mean_offset_ms']:.3f} ± {one['sigma_mean_offset_ms']:.3f} ms, distance "
-                f"{one['distance']:.1f} with {one['dof']} degrees of freedom, p {one['p_value']:.2g}"
-            )
     if "causes" in answer:
-        lines += ["", f"what fits all sets together: {answer['best_cause']}"]
-        lines += [
-            "cause                                                         AICc above best   chi-square   held out"
-        ]
-        for one in answer["causes"]:
-            held_out = one["held_out_per_number"]
-            lines.append(
-                f"{one['cause']:60}  {one['aicc_above_best']:15.1f}   {one['chi_square_per_number']:10.3f}   "
-                f"{'' if held_out is None else format(held_out, '8.3f')}"
-            )
+        lines += _cause_lines(answer)
     lines += [f"{one['file']} is no use: {one['why']}" for one in answer.get("failed_sets", ())]
     lines += failures_report(answer.get("failed_runs", []))
     if answer["simulated"]:
         lines.append("SIMULATED data")
     return "\n".join(lines)
+
+
+def _set_line(one: dict) -> str:
+    """One set's correction; passes of one pair are told apart by the count that the offset holds at."""
+    pair = "{}-{}".format(*one["pair"])
+    shadow = f"   {one['in_shadow']} points in shadow" if one["in_shadow"] else ""
+    if not one["points"]:
+        return f"{pair:8} {0:3d}   no offset: {one['reason']}{shadow}"
+    start = f"{pair:8} {one['points']:3d}   {one['t0']:11.1f}   {one['offset_ms']:7.3f}"
+    if one["sigma_offset_ms"] is None:
+        even = one["isotropic_sigma_offset_ms"]
+        also = "" if even is None else f"; with equal noise on every axis ± {even:.2g}"
+        return f"{start}, no sigma: {one['reason']}{also}{shadow}"
+    apart = f"   still apart: {', '.join(one['separated'])}" if one["separated"] else ""
+    outliers = len(one["excluded_counts"]) - one["in_shadow"]
+    left_out = f"   {outliers} outlier{'s' * (outliers > 1)} left out" if outliers else ""
+    return (
+        f"{start} ± {one['sigma_offset_ms']:.3f}   "
+        f"{one['drift_ms_per_count']:9.4f} ± {one['sigma_drift_ms_per_count']:.4f}   "
+        f"{one['rms_before_ft']:.1f} -> {one['rms_after_ft']:.1f}{left_out}{shadow}{apart}"
+    )
+
+
+def _cause_lines(answer: dict) -> list[str]:
+    """The comparison of causes, and of the best what it amounts to and what it cannot be told from."""
+    best = next(one for one in answer["causes"] if one["cause"] == answer["best_cause"])
+    several = len(answer["sets"]) > 1
+    lines = ["", f"what fits {'all sets together' if several else 'the set'}: {best['cause']}"]
+    for name, one in best["parameters"].items():
+        lines.append(f"    {name}: {value_with_sigma(one['estimate'], one['sigma'], '').strip()}")
+    lines += [f"    these sets cannot tell it from {other}" for other in best["alike"]]
+    lines += [f"    the geometry hardly separates {one} and {two}" for one, two in best["hardly_separated"]]
+    lines.append(f"{'cause':60}  AICc above best   chi-square   held out")
+    for one in answer["causes"]:
+        held_out = one["held_out_per_number"]
+        lines.append(
+            f"{one['cause']:60}  {one['aicc_above_best']:15.1f}   {one['chi_square_per_number']:10.3f}   "
+            f"{'' if held_out is None else format(held_out, '8.3f')}"
+        )
+    return lines + [f"took no part: {why}" for why in answer["causes_skipped_sets"]]
 
 
 def _told(file: str, left: str, right: str) -> tuple[Path, tuple[int, int]]:

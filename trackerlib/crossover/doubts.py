@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
+from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
 
@@ -73,3 +76,21 @@ def set_doubts(crossover: CrossoverSet, survey: ArraySurvey) -> list[str]:
     position = np.concatenate([crossover.x, crossover.y])
     number = np.repeat(crossover.pair, crossover.points)
     return unplaced + report_doubts(position, number, survey, FAR_FT, "crossover file")
+
+
+def profile_doubts(profile: SoundSpeedProfile, survey: ArraySurvey, arrays: Iterable[int]) -> list[str]:
+    """What is odd about a profile (feet) that ends above some of the arrays of these numbers."""
+    row = survey.index_of(np.unique(np.array(list(arrays), np.int64)))
+    row = row[row >= 0]
+    depth, end = -survey.position[row, 2], profile.depth[-1]
+    below = row[depth > end]
+    if not len(below):
+        return []
+    numbers = ", ".join(map(str, np.sort(survey.number[below])))
+    stand = f"array {numbers} stands" if len(below) == 1 else f"arrays {numbers} stand"
+    in_metres = end < depth.max() / 2 and end * FEET_PER_METRE > 0.8 * depth.max()
+    asked = ". Are its depths in metres?" if in_metres else ""
+    return [
+        f"the profile ends at {end:g} ft, and {stand} deeper, down to {depth.max():g} ft: below its "
+        f"end speed goes on with the mean step of the last rows{asked}"
+    ]

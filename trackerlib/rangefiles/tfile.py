@@ -26,6 +26,11 @@ _HEAD_BYTES = 65_536
 # A record whose columns are shifted is a bad record, not a line of the header.
 NEARLY_RECORD = re.compile(r"\s*\d{1,5}(\s+-?\d{1,6}\.\d){3}\s")
 _CHUNK = 200_000  # lines judged at a time, to bound the memory of a file of millions that are odd
+SHIFTS = (
+    "",
+    "; the record is shifted to the right by one column",
+    "; the record is shifted to the left by one column",
+)
 _BLANK, _POINT, _PLUS, _MINUS, _ZERO, _END_OF_FILE = (ord(c) for c in " .+-0\x1a")
 
 
@@ -257,13 +262,28 @@ def _parse_records(columns: np.ndarray, lengths: np.ndarray, numbers: np.ndarray
     whole = [k for k, f in enumerate(FIELDS) if not f.decimals]
     read = good.all(axis=1) | (flagged & ~is_number & good[:, whole].all(axis=1))
     written = np.any(columns != _BLANK, axis=1)
+    wrong = np.flatnonzero(written & ~read)
     bad = [
-        BadRecord(int(numbers[k]), _why_bad(columns[k], int(lengths[k]), good[k]))
-        for k in np.flatnonzero(written & ~read)
+        BadRecord(int(numbers[k]), _why_bad(columns[k], int(lengths[k]), good[k]) + SHIFTS[shift])
+        for k, shift in zip(wrong, _shifts(columns[wrong]), strict=True)
     ]
     keep = written & read
     values = np.where(good, values, 0.0)  # of a record with an edit mark, which no gate lets through
     return numbers[keep], values[keep], flagged[keep], bad
+
+
+def _shifts(columns: np.ndarray) -> np.ndarray:
+    """Which of SHIFTS makes records (N, 68) that cannot be read fit: (N,), 0 for none."""
+    blank = np.full((len(columns), 1), _BLANK, columns.dtype)
+    shift = np.zeros(len(columns), np.int64)
+    # of records moved to the right, the last column is not among these
+    for number, moved, fields in (
+        (1, np.hstack((columns[:, 1:], blank)), FIELDS[:-1]),
+        (2, np.hstack((blank, columns[:, :-1])), FIELDS),
+    ):
+        fits = [parse_numbers(moved[:, f.first - 1 : f.last], f.decimals)[1] for f in fields]
+        shift[np.all(fits, axis=0)] = number
+    return shift
 
 
 def parse_numbers(field: np.ndarray, decimals: int) -> tuple[np.ndarray, np.ndarray]:
