@@ -137,7 +137,10 @@ def test_the_command_answers_and_refuses(tmp_path, data, capsys):
     assert answer["runs"][0]["mean_offset_ms"] == pytest.approx(0.613, abs=1e-3)
     assert not answer["estimated"]
     assert main(["constancy", str(data / "read-1990/offsets.csv")]) == 0
-    assert "take up every day" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "take up every day" in out
+    assert "day                -   cannot be told" in out
+    assert "55 pairs have one offset each" in out
     (tmp_path / "one.csv").write_text("day,run,pair,offset_ms\n1,1,a,2.0\n")
     assert main(["constancy", str(tmp_path / "one.csv")]) == 2
     assert "--variances" in capsys.readouterr().err

@@ -89,9 +89,10 @@ def test_a_covariance_that_is_told_replaces_the_estimate(sets, data, capsys, tmp
 
 
 def test_the_report_for_a_person(sets, data, capsys):
-    assert main(timing(data, *sets[:3])) == 0
+    assert main(timing(data, *sets[:3], "--causes")) == 0
     assert "±" in (out := capsys.readouterr().out)
     assert "SIMULATED data" in out
+    assert "what fits all sets together: timing offset\n    offset (s): 0.0028" in out
 
 
 @pytest.mark.parametrize(

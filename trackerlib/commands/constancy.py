@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
 
@@ -94,17 +95,22 @@ def report(answer: dict) -> str:
     """The answer of `constancy` for a person."""
     lines = ["component   variance (ms^2)" + ("   95 % interval" if answer["estimated"] else "   as told")]
     for name, value in answer["variance_components"].items():
-        between = ""
+        shown, between = f"{value:8.4f}", ""
         if answer["interval95_ms2"]:
-            between = "   {:.3g} to {:.3g}".format(*answer["interval95_ms2"][name])
-        lines.append(f"{name:10}  {value:8.4f}{between}")
+            low, high = answer["interval95_ms2"][name]
+            between = f"   {low:.3g} to {high:.3g}"
+            if math.isnan(low):
+                shown, between = f"{'-':>8}", "   cannot be told"
+        lines.append(f"{name:10}  {shown}{between}")
     lines += [f"warning: {one}" for one in answer["warnings"]]
     lines.append("")
     lines.append("run     mean offset (ms)   pairs   distance   dof   p, chi-square   p, variance estimated")
     lines += [_line(one["run"], one) for one in answer["runs"]]
     lines.append("")
     lines.append("pair    mean offset (ms)   offsets   distance   dof   p: do its offsets hang together?")
-    lines += [_line(one["pair"], one) for one in answer["pairs"]]
+    lines += [_line(one["pair"], one) for one in answer["pairs"] if one["offsets"] > 1]
+    single = sum(one["offsets"] == 1 for one in answer["pairs"])
+    lines += [f"{single} pairs have one offset each, with nothing to hang together with"] if single else []
     alike = answer["all_pairs"]
     lines.append("")
     lines.append(f"all pairs share one offset: distance {alike['distance']:.2f}, {_p(alike['p_value'])}")
