@@ -1,14 +1,19 @@
 """`gate`: the demo run to files and back, and inputs that are no use."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from trackerlib.commands import main
+from trackerlib.crossover.noise import residual_noise
 from trackerlib.crossover.smooth_track import is_curved
+from trackerlib.crossover.straight_line import MIN_POINTS
 from trackerlib.rangefiles.arrays import read_arrays
+from trackerlib.rangefiles.covariance_files import read_covariances
 from trackerlib.rangefiles.crossover_file import read_crossover
+from trackerlib.rangefiles.m_matrix_file import read_m_matrix
 from trackerlib.rangefiles.segment_file import read_segment
 
 
@@ -51,6 +56,28 @@ def test_the_report_says_the_gates_the_bad_lines_and_that_it_is_simulated(call):
     for words in ("SIMULATED DATA", "18585 records read", "line 6233: columns 9-15", "crossover_01_02_1.txt"):
         assert words in out
     assert "array 40 is not in the array table" in err
+
+
+def test_every_set_as_the_reports_own_files(call, data, tmp_path):
+    answer = json.loads(call("--json", "--report-files")[1])
+    survey = read_arrays(data / "range-demo/arrays.csv").survey
+    assert len(answer["report_files"]) == len(answer["sets"])
+    for entry, folder in zip(answer["sets"], map(Path, answer["report_files"]), strict=True):
+        crossover = read_crossover(entry["file"], survey).set
+        again = read_crossover(folder / "TRPDOTRX.DAT", survey).set
+        assert again.pair == crossover.pair
+        assert np.array_equal(again.point_count, crossover.point_count)
+        assert np.array_equal(again.x, crossover.x)
+        assert np.array_equal(again.y, crossover.y)
+        if entry["points"] < MIN_POINTS:
+            assert not (folder / "MMATRIX.M").exists()
+            continue
+        noise = residual_noise(crossover.x, crossover.y, crossover.point_count)
+        of_x, of_y, cross = read_covariances(folder)  # PRINCOM3's X is the second array of the pair
+        assert np.allclose(of_x, noise.second)
+        assert np.allclose(of_y, noise.first)
+        assert np.allclose(cross, noise.cross.T)
+        assert np.allclose(read_m_matrix(folder / "MMATRIX.M"), noise.gap)
 
 
 def test_a_narrower_gap_makes_more_passes(call):

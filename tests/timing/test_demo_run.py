@@ -11,6 +11,7 @@ from scipy import stats
 from trackerlib.commands import main
 from trackerlib.crossover.gating import gate_reports
 from trackerlib.rangefiles.arrays import read_arrays
+from trackerlib.rangefiles.covariance_files import write_covariances
 from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.timing.correction import fit_timing
@@ -86,6 +87,9 @@ def test_a_covariance_that_is_told_replaces_the_estimate(sets, data, capsys, tmp
     matrix.write_text("4 0 0\n0 4 0\n0 0 4\n")
     assert main([*timing(data, sets[0]), "--json", "--covariance", str(matrix)]) == 0
     assert json.loads(capsys.readouterr().out)["sets"][0]["M_ft2"] == [[4, 0, 0], [0, 4, 0], [0, 0, 4]]
+    write_covariances(tmp_path, 2 * np.eye(3), 3 * np.eye(3), np.zeros((3, 3)))
+    assert main([*timing(data, sets[0]), "--json", "--covariance", str(tmp_path)]) == 0
+    assert json.loads(capsys.readouterr().out)["sets"][0]["M_ft2"] == [[5, 0, 0], [0, 5, 0], [0, 0, 5]]
 
 
 def test_the_report_for_a_person(sets, data, capsys):

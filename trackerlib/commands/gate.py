@@ -14,6 +14,7 @@ from trackerlib.crossover.segments import TrackSegment, straight_segments
 from trackerlib.rangefiles.arrays import parse_date
 from trackerlib.rangefiles.campaign import CampaignRun, read_campaign
 from trackerlib.rangefiles.crossover_file import crossover_file_name, write_crossover
+from trackerlib.rangefiles.report_files import write_report_files
 from trackerlib.rangefiles.segment_file import segment_file_name, write_segment
 from trackerlib.rangefiles.tfile import HEADER_RECORDS, read_tfile
 from trackerlib.textfiles import InputError
@@ -51,6 +52,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="N",
         help="of repeated reports keep this line",
+    )
+    add(
+        "--report-files",
+        action="store_true",
+        help="write TRPDOTRX.DAT, OUTPUT1.COV, OUTPUT2.COV and MMATRIX.M of every set too, in a folder each",
     )
     add("--run-date", metavar="DAY", help="day of the run (default: the one date in the header)")
     add("--out", type=Path, required=True, metavar="DIR", help="folder for crossover_AA_BB_P.txt")
@@ -95,6 +101,11 @@ def run_one(args: argparse.Namespace) -> dict:
     tell("gate", (), (*tfile.warnings, *result.warnings))
     files = write_sets(args.out, result.sets)
     answer = document(result, files, [*tfile.warnings, *result.warnings], tfile.simulated)
+    if args.report_files:
+        folders = [path.with_suffix("") for path in files]
+        for folder, crossover in zip(folders, result.sets, strict=True):
+            write_report_files(folder, crossover, survey)
+        answer["report_files"] = [str(folder) for folder in folders]
     if args.segments:
         answer["segments"] = [_segment(segment, args.out) for segment in segments]
     return answer
@@ -152,6 +163,8 @@ def report(answer: dict) -> str:
     lines += [
         f"{s['file']}  {s['points']} points, counts {s['first']} to {s['last']}" for s in answer["sets"]
     ] or ["no crossover set: no two arrays saw the vehicle at one point count"]
+    if "report_files" in answer:
+        lines.append(f"{len(answer['report_files'])} folders of the report's files")
     if "segments" in answer:
         lines.append(f"{len(answer['segments'])} straight pieces of single arrays' tracks")
     return "\n".join(lines)

@@ -18,6 +18,7 @@ from trackerlib.crossover.gating import gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
 from trackerlib.rangefiles.campaign import CampaignRun, read_campaign
+from trackerlib.rangefiles.covariance_files import read_covariances
 from trackerlib.rangefiles.crossover_file import crossover_file_name, read_crossover
 from trackerlib.rangefiles.m_matrix_file import read_m_matrix
 from trackerlib.rangefiles.tfile import read_tfile
@@ -52,7 +53,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--profile", type=Path, metavar="VELOCITY.DAT", help="sound-speed table, ft and ft/s")
     add("--campaign", type=Path, metavar="FILE", help="all runs of a campaign, in place of all the above")
     add("--profile-speeds", choices=("middle", "boundary"), default="middle", help="where its speeds belong")
-    add("--covariance", type=Path, metavar="FILE", help="M in three rows (default: from straight lines)")
+    add(
+        "--covariance",
+        type=Path,
+        metavar="FILE",
+        help="M in three rows, or a folder with OUTPUT1.COV and OUTPUT2.COV (default: from straight lines)",
+    )
     add(
         "--causes",
         action="store_true",
@@ -106,7 +112,7 @@ def run(args: argparse.Namespace) -> dict:
 
 def fit_sets(args: argparse.Namespace, survey: ArraySurvey, profile: SoundSpeedProfile):
     """Answers and sets of all files, and those of no use with the reason. Raises InputError where none is of use."""
-    noise = None if args.covariance is None else read_m_matrix(args.covariance)
+    noise = None if args.covariance is None else _told_noise(args.covariance)
     named = [(path, None) for path in args.crossover] + [_told(*one) for one in args.set]
     answers, sets, failed = [], [], []
     for path, pair in named:
@@ -325,6 +331,14 @@ def _told(file: str, left: str, right: str) -> tuple[Path, tuple[int, int]]:
         return Path(file), (int(left), int(right))
     except ValueError:
         raise InputError(f"--set {file} {left} {right}: wanted two array numbers after the file") from None
+
+
+def _told_noise(path: Path) -> np.ndarray:
+    """M (3, 3) of a file, or from both files of covariances in a folder."""
+    if not path.is_dir():
+        return read_m_matrix(path)
+    of_x, of_y, cross = read_covariances(path)
+    return of_x + of_y - cross - cross.T
 
 
 def _is_simulated(args: argparse.Namespace, sets: list[CrossoverSet]) -> bool:

@@ -1,9 +1,10 @@
 """OUTPUT1.COV and OUTPUT2.COV: covariances of the residuals of two versions of a track, ft^2.
 
-Blocks of three rows of three numbers: D_x and D_y in OUTPUT1.COV, the cross correlations and M in OUTPUT2.COV.
-The layout inside the files is ours: of the report's program only what the two hold is known. The cross
-correlations are as the program printed them, D_xy(i,j) / sqrt(D_x(j,j) D_y(i,i)), where the text of appendix C
-has D_x(i,i) D_y(j,j): with the text's form its printed sets do not close on M.
+Blocks of three rows of three numbers: D_x and D_y in OUTPUT1.COV, the cross correlations and M in OUTPUT2.COV;
+x is the version of the pair's second array and y that of the first, as in the report's program PRINCOM3. The
+layout inside the files is ours: of that program only what the two hold is known. The cross correlations are as it
+printed them, D_xy(i,j) / sqrt(D_x(j,j) D_y(i,i)), where the text of appendix C has D_x(i,i) D_y(j,j): with the
+text's form its printed sets do not close on M.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from trackerlib.textfiles import InputError, read_lines, write_text
 
 
 def write_covariances(
-    folder: str | Path, first: np.ndarray, second: np.ndarray, cross: np.ndarray
+    folder: str | Path, of_x: np.ndarray, of_y: np.ndarray, cross: np.ndarray
 ) -> tuple[Path, Path]:
     """Writes D_x, D_y to OUTPUT1.COV and what follows from D_xy to OUTPUT2.COV; (3, 3) each, ft^2."""
-    correlation = cross / np.sqrt(np.outer(np.diag(second), np.diag(first)))
-    gap = first + second - cross - cross.T
+    correlation = cross / np.sqrt(np.outer(np.diag(of_y), np.diag(of_x)))
+    gap = of_x + of_y - cross - cross.T
     paths = Path(folder) / "OUTPUT1.COV", Path(folder) / "OUTPUT2.COV"
-    write_text(paths[0], _blocks(first, second))
+    write_text(paths[0], _blocks(of_x, of_y))
     write_text(paths[1], _blocks(correlation, gap))
     return paths
 
@@ -32,17 +33,17 @@ def read_covariances(folder: str | Path) -> tuple[np.ndarray, np.ndarray, np.nda
 
     Raises InputError where a file holds no two blocks, a variance is negative, or M is not that of the rest.
     """
-    first, second = _two_blocks(Path(folder) / "OUTPUT1.COV")
+    of_x, of_y = _two_blocks(Path(folder) / "OUTPUT1.COV")
     correlation, gap = _two_blocks(Path(folder) / "OUTPUT2.COV")
-    if np.any(np.diag(first) < 0) or np.any(np.diag(second) < 0):
+    if np.any(np.diag(of_x) < 0) or np.any(np.diag(of_y) < 0):
         raise InputError("OUTPUT1.COV: found a negative variance; wanted covariances")
-    cross = correlation * np.sqrt(np.outer(np.diag(second), np.diag(first)))
-    away = np.abs(first + second - cross - cross.T - gap).max()
+    cross = correlation * np.sqrt(np.outer(np.diag(of_y), np.diag(of_x)))
+    away = np.abs(of_x + of_y - cross - cross.T - gap).max()
     if away > 1e-3 * np.abs(gap).max() + 0.1:
         raise InputError(
             f"OUTPUT2.COV: M is {away:.2g} ft^2 from D_x + D_y - D_xy - D_xy'; wanted files of one set"
         )
-    return first, second, cross
+    return of_x, of_y, cross
 
 
 def _blocks(*matrices: np.ndarray) -> str:
