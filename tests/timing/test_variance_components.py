@@ -119,6 +119,17 @@ def test_estimates_are_unbiased_and_intervals_hold():
     assert np.mean(inside) > 0.8
 
 
+@pytest.mark.parametrize("far", [1.0, 30.0, 1000.0])
+def test_an_interval_is_found_for_a_residual_that_is_small_beside_the_runs(far):
+    rng = np.random.default_rng(5)
+    run = np.repeat([0, 1], 20)
+    offset = far * run + rng.normal(0, 0.1, 40)
+    fixed, random = np.ones((40, 1)), {"run": indicator(run)[0]}
+    intervals = profile_intervals(offset, fixed, random, fit_variance_components(offset, fixed, random))
+    assert 0.004 < intervals[1, 0] < 0.01 < intervals[1, 1] < 0.03
+    assert intervals[0, 0] < far**2 / 2 < intervals[0, 1]
+
+
 def test_stated_degrees_of_freedom_give_the_spread_of_the_residual_variance():
     fits = [fit_variance_components(*made_up(seed, 0.36, 0.72)) for seed in range(300)]
     spread = np.std([fit.residual for fit in fits]) / np.mean([fit.residual for fit in fits])

@@ -280,36 +280,39 @@ def _minus_twice(theta: np.ndarray, sums: _Sums) -> tuple[float, np.ndarray]:
 
 def _profile_interval(sums: _Sums, theta: np.ndarray, p: int) -> tuple[float, float]:
     """Where the likelihood, the other components at their best, has fallen by what chi-square allows in 95 %."""
-    unit = sums.square / sums.freedom
+    unit = np.full(len(theta), sums.square / sums.freedom)
+    unit[-1] = theta[-1]  # which may be small beside what the runs lie apart
     best = _minus_twice(theta, sums)[0]
     others = np.delete(np.arange(len(theta)), p)
-    limits = [(1e-9 if q == len(theta) - 1 else 0.0, None) for q in others]
-    start = {"theta": theta / unit}
+    limits = [(1e-6 if q == len(theta) - 1 else 0.0, None) for q in others]
+    start = {"theta": theta / unit}  # the last value's best, from which the next one's is sought
 
     def rise(value: float) -> float:
         def misfit(rest):
             full = np.empty(len(theta))
             full[p], full[others] = value, rest
             total, gradient = _minus_twice(full * unit, sums)
-            return total - best, gradient[others] * unit
+            return total - best, (gradient * unit)[others]
 
-        begins = np.maximum(start["theta"][others], 1e-3)
-        found = minimize(misfit, begins, jac=True, method="L-BFGS-B", bounds=limits)
-        start["theta"][others] = found.x
+        begins = [np.maximum(one[others], 1e-3) for one in (start["theta"], theta / unit)]
+        found = minimize(
+            misfit, min(begins, key=lambda rest: misfit(rest)[0]), jac=True, method="L-BFGS-B", bounds=limits
+        )
+        start["theta"] = np.insert(found.x, p, value)
         return float(found.fun - chi2.ppf(0.95, 1))
 
-    estimate = theta[p] / unit
-    lowest = 1e-9 if p == len(theta) - 1 else 0.0
-    low = lowest if rise(lowest) < 0 else brentq(rise, lowest, estimate, xtol=1e-5, rtol=1e-3)
-    high = max(2 * estimate, 0.1)
+    estimate = theta[p] / unit[p]
+    low, above = 0.0, estimate
+    if p == len(theta) - 1:  # at zero nothing is likely
+        low = estimate / 2
+        while rise(low) < 0:
+            low, above = low / 2, low
+    low = low if rise(low) < 0 else brentq(rise, low, above, xtol=1e-5, rtol=1e-3)
+    below, high = estimate, max(2 * estimate, 0.1)
     while rise(high) < 0 and high < FARTHEST * max(estimate, 0.1):
-        high *= 2
-    high = (
-        brentq(rise, high / 2 if high / 2 > estimate else estimate, high, rtol=1e-3)
-        if rise(high) > 0
-        else np.inf
-    )
-    return low * unit, high * unit
+        below, high = high, 2 * high
+    high = brentq(rise, below, high, rtol=1e-3) if rise(high) > 0 else np.inf
+    return low * unit[p], high * unit[p]
 
 
 @compiled
