@@ -140,7 +140,7 @@ def test_the_command_answers_and_refuses(tmp_path, data, capsys):
     out = capsys.readouterr().out
     assert "take up every day" in out
     assert "day                -   cannot be told" in out
-    assert "55 pairs have one offset each" in out
+    assert "pairs of one offset only, which have nothing to hang together with: 55" in out
     (tmp_path / "one.csv").write_text("day,run,pair,offset_ms\n1,1,a,2.0\n")
     assert main(["constancy", str(tmp_path / "one.csv")]) == 2
     assert "--variances" in capsys.readouterr().err

@@ -159,3 +159,6 @@ def test_a_table_that_leaves_nothing_is_refused_in_words():
         fit_variance_components(np.arange(3.0), np.eye(3), {"day": np.ones((3, 1))})
     with pytest.raises(ValueError, match="fit every offset exactly"):
         fit_variance_components(np.ones(4), np.ones((4, 1)), {"day": np.eye(4)})
+    run = indicator(np.repeat([0, 1, 2], 2))[0]
+    with pytest.raises(ValueError, match="no variance is left for the residual"):
+        fit_variance_components(run @ [3.0, 4.0, 5.0], np.ones((6, 1)), {"run": run})

@@ -95,7 +95,7 @@ def report(answer: dict) -> str:
     """The answer of `constancy` for a person."""
     lines = ["component   variance (ms^2)" + ("   95 % interval" if answer["estimated"] else "   as told")]
     for name, value in answer["variance_components"].items():
-        shown, between = f"{value:8.4f}", ""
+        shown, between = f"{value:8.4g}", ""
         if answer["interval95_ms2"]:
             low, high = answer["interval95_ms2"][name]
             between = f"   {low:.3g} to {high:.3g}"
@@ -110,7 +110,9 @@ def report(answer: dict) -> str:
     lines.append("pair    mean offset (ms)   offsets   distance   dof   p: do its offsets hang together?")
     lines += [_line(one["pair"], one) for one in answer["pairs"] if one["offsets"] > 1]
     single = sum(one["offsets"] == 1 for one in answer["pairs"])
-    lines += [f"{single} pairs have one offset each, with nothing to hang together with"] if single else []
+    lines += (
+        [f"pairs of one offset only, which have nothing to hang together with: {single}"] if single else []
+    )
     alike = answer["all_pairs"]
     lines.append("")
     lines.append(f"all pairs share one offset: distance {alike['distance']:.2f}, {_p(alike['p_value'])}")

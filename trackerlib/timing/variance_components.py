@@ -71,7 +71,14 @@ def fit_variance_components(
     Raises ValueError where the fixed effects leave no degree of freedom, or nothing varies.
     """
     sums, unseen = _sums(np.asarray(offset, float), np.asarray(fixed, float), random)
-    gamma, decrement = _lowest(sums.across, sums.along, sums.square, sums.freedom, sums.block, sums.effects)
+    try:
+        gamma, decrement = _lowest(
+            sums.across, sums.along, sums.square, sums.freedom, sums.block, sums.effects
+        )
+    except ValueError:  # the likelihood grows without bound
+        raise ValueError(
+            "all effects together fit every offset exactly; no variance is left for the residual"
+        ) from None
     gamma[[name in unseen for name in random]] = 0.0
     minus_twice, sum_left, _, _ = _at(
         gamma, sums.across, sums.along, sums.square, sums.freedom, sums.block, sums.effects
