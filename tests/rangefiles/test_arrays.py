@@ -106,3 +106,10 @@ def test_other_encodings_and_line_ends_read_alike():
         assert parse_arrays(
             content.replace(b"\n", b"\r\n") if content[0] == 97 else content, "a"
         ).survey.number == [3]
+
+
+def test_depths_for_heights_are_asked_about():
+    reading = parse_arrays(
+        b"array,x,y,z\n1,7952.45,1530.32,1200.08\n2,15080.91,1521.59,1210.33\n", "arrays.csv"
+    )
+    assert "are its z depths, positive down?" in reading.notes[-1]

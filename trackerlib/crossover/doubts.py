@@ -12,7 +12,10 @@ from trackerlib.crossover.survey import ArraySurvey
 
 FEET_PER_METRE = 1 / 0.3048
 FAR_FT = 6000.0  # beyond what a gate lets through
-SELDOM, USUAL = 0.1, 0.5  # shares of reports near their array that make a unit doubtful, and likely
+USUAL = 0.5  # share of reports near their array that makes a unit likely
+FEWER = (
+    0.6  # of that share, what the other unit brings near at most; of a pair, one array may lie near by chance
+)
 
 
 def unit_doubts(position: np.ndarray, place: np.ndarray, limit: float, what: str = "T-file") -> list[str]:
@@ -27,14 +30,14 @@ def unit_doubts(position: np.ndarray, place: np.ndarray, limit: float, what: str
         return float(np.mean(np.linalg.norm(a * position[known] - b * place[known], axis=1) <= limit))
 
     known = ~np.isnan(place[:, 0])
-    if not known.any() or near(1, 1) > SELDOM:
+    if not known.any():
         return []
     doubts = ((what, near(FEET_PER_METRE, 1)), ("array table", near(1, FEET_PER_METRE)))
     return [
         f"is the {which} in metres? {share:.0%} of the reports lie within {limit:g} ft of their array if it is, "
         f"{near(1, 1):.0%} if it is in feet"
         for which, share in doubts
-        if share > USUAL
+        if share > USUAL and near(1, 1) <= FEWER * share
     ]
 
 

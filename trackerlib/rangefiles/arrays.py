@@ -77,6 +77,10 @@ def parse_arrays(content: bytes, name: str) -> ArrayReading:
     if survey.placeholder.any():
         numbers = ", ".join(map(str, survey.number[survey.placeholder]))
         notes.append(f"no surveyed position, left out of every pair: arrays {numbers}")
+    if np.all(survey.position[:, 2] > 0):
+        notes.append(
+            "no array is below the surface: are its z depths, positive down? Wanted heights, negative"
+        )
     return ArrayReading(survey, layout, tuple(sorted(bad, key=lambda b: b.line)), tuple(notes))
 
 
