@@ -132,6 +132,7 @@ def test_a_file_cut_in_the_middle_of_a_record_keeps_the_rest(call, data, tmp_pat
         ({"more": ("--header-records", "-1")}, "header count is -1"),
         ({"more": ("--header-records", "99999")}, "wanted 99999 of header"),
         ({"more": ("--max-slant-range-ft", "nan")}, "wanted feet above 0"),
+        ({"more": ("--day", "1")}, "wanted --campaign FILE with them"),
         ({"more": ("--gap-counts", "0")}, "wanted 1 or more"),
         ({"more": ("--run-date", "soon")}, "date is 'soon'"),
         ({"out": "/dev/null/sets"}, "/dev/null"),

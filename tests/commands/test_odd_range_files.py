@@ -286,6 +286,10 @@ def test_a_campaign_goes_on_past_a_run_whose_files_are_no_use(folder, capsys):
     assert "none.dat: no such file; the other runs go on" in said.err
     assert main(["gate", "--campaign", str(path), "--out", str(folder / "sets")]) == 0
     assert "day 1, run 3, mode 2 is no use: " in capsys.readouterr().out
+    assert main(["timing", "--campaign", str(path), "--day", "1", "--run", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["failed_runs"] == []
+    assert main(["timing", "--campaign", str(path), "--day", "7"]) == 2
+    assert "no run is of day 7; there are day 1, run 1" in capsys.readouterr().err
     path.write_text(json.dumps({**campaign, "runs": runs[1:]}))
     assert main(["timing", "--campaign", str(path)]) == 2
     assert "campaign June: no run is of use" in capsys.readouterr().err

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
-from trackerlib.rangefiles.campaign import Campaign, CampaignRun
+from trackerlib.rangefiles.campaign import Campaign, CampaignRun, read_campaign
 from trackerlib.textfiles import InputError
 
 Answer = TypeVar("Answer")
+
+
+def chosen_runs(path: Path, day: str | None, run: str | None) -> Campaign:
+    """The campaign of a file, only its runs of a day or of a name where one is told. Raises InputError for none."""
+    campaign = read_campaign(path)
+    chosen = campaign.select(days=None if day is None else {day}, runs=None if run is None else {run})
+    if not chosen.runs:
+        wanted = ", ".join(
+            f"{what} {name}" for what, name in (("day", day), ("run", run)) if name is not None
+        )
+        raise InputError(
+            f"{path.name}: no run is of {wanted}; there are {'; '.join(map(str, campaign.runs))}"
+        )
+    return chosen
 
 
 def each_run(

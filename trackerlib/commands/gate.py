@@ -6,13 +6,13 @@ import argparse
 import sys
 from pathlib import Path
 
-from trackerlib.commands.campaign_runs import each_run, failures_report
+from trackerlib.commands.campaign_runs import chosen_runs, each_run, failures_report
 from trackerlib.commands.range_inputs import read_survey, tell
 from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, GatingResult, gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.segments import TrackSegment, straight_segments
 from trackerlib.rangefiles.arrays import parse_date
-from trackerlib.rangefiles.campaign import CampaignRun, read_campaign
+from trackerlib.rangefiles.campaign import CampaignRun
 from trackerlib.rangefiles.crossover_file import crossover_file_name, write_crossover
 from trackerlib.rangefiles.report_files import write_report_files
 from trackerlib.rangefiles.segment_file import segment_file_name, write_segment
@@ -29,6 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--arrays", type=Path, metavar="FILE", help="array table")
     add("--mode", type=int, metavar="M", help="2 ship, 7 torpedo")
     add("--campaign", type=Path, metavar="FILE", help="all runs of a campaign, in place of the three above")
+    add("--day", metavar="D", help="of a campaign take only that day's runs")
+    add("--run", metavar="R", help="of a campaign take only runs of that name")
     add(
         "--header-records", type=int, default=HEADER_RECORDS, metavar="N", help="records to skip (default 31)"
     )
@@ -78,7 +80,7 @@ def run_campaign(args: argparse.Namespace) -> dict:
         out = args.out / f"day_{one.day}_run_{one.run}_mode_{one.mode}"
         return run_one(argparse.Namespace(**{**vars(args), **own, "out": out}))
 
-    done, failed = each_run("gate", read_campaign(args.campaign), work)
+    done, failed = each_run("gate", chosen_runs(args.campaign, args.day, args.run), work)
     answers = [
         {"day": one.day, "run": one.run, "mode": one.mode, "vehicle": one.vehicle, **answer}
         for one, answer in done
@@ -176,6 +178,10 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError("--campaign names T-file, arrays and mode itself; wanted either it or those")
     if not args.campaign and any(value is None for value in told):
         raise InputError("wanted TFILE, --arrays FILE and --mode M, or --campaign FILE")
+    if not args.campaign and (args.day is not None or args.run is not None):
+        raise InputError(
+            "--day and --run choose among the runs of a campaign; wanted --campaign FILE with them"
+        )
     if not args.max_slant_range_ft > 0:
         raise InputError(f"--max-slant-range-ft is {args.max_slant_range_ft:g}, wanted feet above 0")
     if args.gap_counts < 1:

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from trackerlib.acoustics.profile import SoundSpeedProfile
-from trackerlib.commands.campaign_runs import each_run, failures_report
+from trackerlib.commands.campaign_runs import chosen_runs, each_run, failures_report
 from trackerlib.commands.range_inputs import read_profile, read_survey, tell
 from trackerlib.crossover.doubts import profile_doubts, set_doubts
 from trackerlib.crossover.gating import gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
-from trackerlib.rangefiles.campaign import CampaignRun, read_campaign
+from trackerlib.rangefiles.campaign import CampaignRun
 from trackerlib.rangefiles.covariance_files import read_covariances
 from trackerlib.rangefiles.crossover_file import crossover_file_name, read_crossover
 from trackerlib.rangefiles.m_matrix_file import read_m_matrix
@@ -76,8 +76,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=OUTLIERS[0],
         help="out of all, out of M alone, or in everything",
     )
-    add("--day", metavar="D", help="day of these sets, for --out")
-    add("--run", metavar="R", help="run of these sets, for --out")
+    add("--day", metavar="D", help="day of these sets, for --out; of a campaign take only that day's runs")
+    add("--run", metavar="R", help="run of these sets, for --out; of a campaign take only runs of that name")
     add("--out", type=Path, metavar="OFFSETS.csv", help="table of the offsets, which `constancy` reads")
 
 
@@ -186,7 +186,9 @@ def run_campaign(args: argparse.Namespace) -> dict:
     """The answer for every set of every run of a campaign; its T-files are gated on the way."""
     if args.crossover or args.set or args.arrays or args.profile:
         raise InputError("--campaign names its files itself; wanted either it or crossover sets")
-    done, failed = each_run("timing", read_campaign(args.campaign), lambda one: fit_run(args, one))
+    done, failed = each_run(
+        "timing", chosen_runs(args.campaign, args.day, args.run), lambda one: fit_run(args, one)
+    )
     answers = [
         {"day": one.day, "run": one.run, "vehicle": one.vehicle, **fit}
         for one, (fits, _) in done
