@@ -10,9 +10,10 @@ from scipy import stats
 from surveys import BOX, ELBOW, FRAME, error_of, survey
 
 from trackerlib.beacon.fix import fix_beacon
+from trackerlib.beacon.paths import StraightPaths
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.beacon.uncertainty import AntennaErrors
-from trackerlib.simulation.beacon_survey import Errors
+from trackerlib.simulation.beacon_survey import Errors, simulate_survey
 
 BEACON = (100.0, 50.0, -1500.0)
 INTERVAL_S = 20.0
@@ -121,3 +122,38 @@ def test_headings_that_are_not_known_make_it_wider_whatever_they_are():
     assert aligned[0, 0] == pytest.approx(
         AntennaErrors(2.0, 0.0, None).moved_by(slope, np.abs(gain[:, :1]))[0, 0]
     )
+
+
+def bow(sideways_m, gps_rms_m, seed):
+    """A track of 3 km that bends to one side and back, past a beacon 900 m beside it."""
+    along = np.linspace(-1500.0, 1500.0, 120)
+    track = np.column_stack([along, sideways_m * (1 - (along / 1500) ** 2)])
+    errors = Errors(gps_rms_m=gps_rms_m, time_rms_s=5e-4)
+    return simulate_survey(
+        track, np.array([200.0, 900.0, -1200.0]), StraightPaths(1500.0), FRAME, np.random.default_rng([6, seed]),
+        errors, emission_offset_s=0.3,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_bend_that_noise_hides_gives_no_fix(told):
+    """The bias of noisy ship positions is then hundreds of metres, of which no residual tells."""
+    settings = FixSettings(gps_rms_m=3.0 if told else None)
+    reasons = [fix_beacon(bow(60.0, 3.0, seed), settings).reason for seed in range(6)]
+    assert all(reason is not None for reason in reasons), reasons
+    assert sum("of its standard errors" in reason for reason in reasons) >= 2, reasons
+    assert all("turn" in reason for reason in reasons), reasons
+    exact = fix_beacon(bow(60.0, 0.05, 0), FixSettings(gps_rms_m=0.05 if told else None))
+    assert exact.reason is None or "of its standard errors" not in exact.reason
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_short_leg_across_a_long_one_is_enough(told):
+    """Pings right above a place count for much there; the search must not end at such a place for that."""
+    beacon = (100.0, 600.0, -1500.0)
+    for seed in range(4):
+        pings = survey(((75, 3000), (345, 300)), beacon, Errors(gps_rms_m=2.0, time_rms_s=5e-4), seed=seed)
+        fix = fix_beacon(pings, FixSettings(gps_rms_m=2.0 if told else None))
+        assert fix.converged, fix.reason
+        error = error_of(fix, beacon)
+        assert error @ np.linalg.solve(fix.uncertainty.covariance, error) < stats.chi2.ppf(0.999, 3)

@@ -34,6 +34,7 @@ from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, METHODS, FixSettings
 from trackerlib.beacon.unbiased import unbiased
 
 ONE_PLACE = 6.0  # times the ship's error: a track shorter than this is one place
+ONE_PLACE_SIGMAS = 2.0  # standard errors within which two solutions are one place
 SPARE_PINGS = 3  # pings beyond the number of unknowns below which a fix is refused
 FOLDED_ROUNDS = 4  # fixes after which no folded time may move any more
 
@@ -148,13 +149,21 @@ def _judged(attempt: Attempt) -> BeaconFix:
     others = tuple(
         attempt.solution(other.position, other.cost - best.cost)
         for other in candidates[1:]
-        if _as_likely(other, best, fix) and attempt.problem.region.edge(other.position) is None
+        if _as_likely(other, best, fix)
+        and not _inside(attempt, other, fix)
+        and attempt.problem.region.edge(other.position) is None
     )
     fix = replace(fix, unobservable=unseen, alternatives=others)
-    reason = objection(attempt, best, fix)
+    reason = objection(attempt, best, fix, better.bias)
     return replace(fix, converged=reason is None, reason=reason)
 
 
 def _as_likely(other: Candidate, best: Candidate, fix: BeaconFix) -> bool:
     length = 1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length
     return (other.cost - best.cost) / length < AS_LIKELY
+
+
+def _inside(attempt: Attempt, other: Candidate, fix: BeaconFix) -> bool:
+    """Whether a candidate lies within what the fix states anyway, and so is no other place."""
+    apart = (attempt.motion.at(0.0) @ other.position)[:3] - fix.position
+    return fix.sigma is not None and bool((np.abs(apart) < ONE_PLACE_SIGMAS * fix.sigma).all())

@@ -277,7 +277,7 @@ def robust_descent(problem, beacon, *, rounds, steps, axes=None, log=None):
         if not problem.emission_known and round_number < 3:
             residual = residual - np.median(residual, axis=1, keepdims=True)
         scale = scale_of(residual, problem.unknowns, problem.time_sigma_s)
-        weight = biweight(residual, scale) * problem.relative_weight(misfit.gradient)
+        weight = biweight(residual, scale)
         if log is not None:
             log.note(beacon, replace(misfit, weight=weight), best=int(np.argmin(scale)))
         beacon, moved = descend(problem, beacon, weight, steps=steps, axes=axes)

@@ -20,6 +20,7 @@ DRIFTING_LENGTH = 3.0  # residuals that count as one, from which a still beacon'
 MANY_TIMES = 10  # pings for every unknown: residuals this alike are then no want of pings
 OTHER_LEG = 0.3  # of the slant range: a leg that tells places apart
 SLOWEST_MPS = 0.02  # below this a beacon is not said to move
+MOST_BIAS = 0.2  # standard errors by which noisy ship positions may shift a fix that is believed
 MOVING_SHARE = 0.4  # of the still fit's squares: a drift that leaves less shows that the beacon moves
 
 
@@ -41,8 +42,10 @@ def impossible_times(attempt: Attempt, ship_sigma: float) -> str | None:
     )
 
 
-def objection(attempt: Attempt, best: Candidate, fix: BeaconFix) -> str | None:
-    """Why this fix must not be believed, or None."""
+def objection(
+    attempt: Attempt, best: Candidate, fix: BeaconFix, bias: np.ndarray | None = None
+) -> str | None:
+    """Why this fix must not be believed, or None; bias (P,) is the one that its state may have."""
     edge = attempt.problem.region.edge(best.position)
     if edge:
         return f"the best fit lies on the edge of the search region: {edge}; widen it or check the times"
@@ -60,6 +63,8 @@ def objection(attempt: Attempt, best: Candidate, fix: BeaconFix) -> str | None:
     if unseen := fix.unobservable:
         noise_s = np.hypot(fix.uncertainty.noise_s, _assumed_noise(attempt))
         return f"{unseen[-1].why}: {leg_that_helps(attempt.problem.only(best.keep), best.position[None], noise_s)}"
+    if bias is not None and (why := _shifted(attempt, best, fix, bias)):
+        return why
     if not best.settled:
         return "the search did not come to rest; check the speed of sound and the times"
     if others := fix.alternatives:
@@ -118,6 +123,22 @@ def _moves(attempt: Attempt, best: Candidate, fix: BeaconFix) -> str | None:
         f"a beacon that moves, at {speed:.2g} m/s, leaves residuals {np.sqrt(still / free):.1f} times smaller "
         "than one that lies still; tell the motion (horizontal, vertical, free), or check ship positions and times"
     )
+
+
+def _shifted(attempt: Attempt, best: Candidate, fix: BeaconFix, bias: np.ndarray) -> str | None:
+    """Why a bias (P,) of the state spoils the fix, or None where it is small beside what is stated."""
+    axes, to_state = attempt.problem.axes, np.linalg.inv(attempt.motion.at(0.0))
+    covariance = axes @ to_state @ fix.uncertainty.covariance @ to_state.T @ axes.T
+    free = axes @ bias
+    errors = float(np.sqrt(free @ np.linalg.pinv(covariance, rcond=1e-15, hermitian=True) @ free))
+    if errors < MOST_BIAS:
+        return None
+    noise_s = max(2.0, errors) * fix.uncertainty.noise_s
+    leg = leg_that_helps(attempt.problem.only(best.keep), best.position[None], noise_s)
+    shift = f"the best fit by some {np.linalg.norm(bias[:3]):.2g} m, {errors:.1f} of its standard errors"
+    if attempt.settings.gps_rms_m is None:
+        return f"if the residuals are errors of the ship's position, they shift {shift}; tell that error, or {leg}"
+    return f"noisy ship positions shift {shift}, and equations free of that have no sure answer here; {leg}"
 
 
 def _as_steep_as_stated(attempt: Attempt, best: Candidate, fix: BeaconFix) -> bool:

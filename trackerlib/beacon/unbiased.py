@@ -29,17 +29,22 @@ class Unbiased:
     covariance: np.ndarray | None = (
         None  # (K + L, K + L) of free directions and linear unknowns; None: least squares
     )
+    bias: np.ndarray | None = None  # (P,) that the state may have, where it could not be taken out
 
 
 def unbiased(attempt: Attempt, candidate: Candidate) -> Unbiased:
     """The candidate's state without the bias that noisy ship positions give, where it matters and can be found.
 
-    The usual least squares, unknown noise, a bias below NO_BIAS and equations that come to rest nowhere keep the
-    state as it is.
+    The usual least squares, a bias below NO_BIAS, unknown noise and equations that come to rest nowhere keep the
+    state as it is; the last two tell what bias it may have. Of unknown noise all that the residuals show may be the
+    ship's.
     """
     problem, state = attempt.problem.only(candidate.keep), candidate.position
     order = np.argsort(problem.share, kind="stable")
     problem = problem.only(order)
+    told = attempt.settings.gps_rms_m is not None
+    if not told:
+        problem = replace(problem, gps_rms_m=np.ones(2))
     if not problem.gps_rms_m.any() or attempt.settings.method == "least-squares":
         return Unbiased(state)
     weight = attempt.weight(candidate)[:, candidate.keep][:, order]
@@ -47,19 +52,22 @@ def unbiased(attempt: Attempt, candidate: Candidate) -> Unbiased:
     time_error = np.sqrt(misfit.sum_of_squares[0] / max(len(problem.time) - problem.unknowns, 1))
     stated = problem.variance(misfit.time_gradient)[0]
     scale = float(time_error / np.sqrt(np.median(stated)))
-    if _bias_size(problem, state, misfit, scale) < NO_BIAS * time_error:
+    bias, size_s = _bias(problem, state, misfit, scale)
+    if size_s < NO_BIAS * time_error:
         return Unbiased(state)
+    if not told:
+        return Unbiased(state, bias=bias)
     spacing = np.median(np.linalg.norm(np.diff(problem.ship[:, :2], axis=0), axis=1))
     reach = NEIGHBOUR_SHARE * problem.slant_range(state)
     neighbours = int(np.clip(reach / max(spacing, 1e-3), 2, NEIGHBOURS))
     attempt.log.begin("unbiased")
     plain = problem.linear_unknowns == 1 and not problem.emission_known
     by = _by_squared_ranges if plain and attempt.motion.kind in ("still", "free") else _by_instruments
-    return by(attempt, problem, state, misfit, scale, neighbours) or Unbiased(state)
+    return by(attempt, problem, state, misfit, scale, neighbours) or Unbiased(state, bias=bias)
 
 
-def _bias_size(problem: Problem, state: np.ndarray, misfit: Misfit, scale: float) -> float:
-    """The bias of least squares, to second order in the ship's noise, as the length [s] of what it does to the times.
+def _bias(problem: Problem, state: np.ndarray, misfit: Misfit, scale: float) -> tuple[np.ndarray, float]:
+    """The bias (P,) of least squares, to second order in the ship's noise, and how far [s] it moves the times.
 
     Noise makes a range long by half its variance across the ray over the range, and turns the ray by what it also
     adds to the residual.
@@ -77,7 +85,8 @@ def _bias_size(problem: Problem, state: np.ndarray, misfit: Misfit, scale: float
     weight = misfit.weight[0]
     score = ((turned - misfit.gradient[0] * longer[:, None]).T @ weight) @ problem.axes.T
     normal = misfit.normal_matrix(problem.axes)[0]
-    return float(np.sqrt(max(score @ np.linalg.pinv(normal, rcond=1e-15, hermitian=True) @ score, 0.0)))
+    bias = np.linalg.pinv(normal, rcond=1e-15, hermitian=True) @ score
+    return bias @ problem.axes, float(np.sqrt(max(score @ bias, 0.0)))
 
 
 def _by_squared_ranges(
