@@ -12,6 +12,7 @@ from dashboards.session import Session
 from dashboards.tabs.beacon_intervals import IntervalControls
 from dashboards.tabs.tab import choice
 from trackerlib.exports.export import LAYOUTS, export_fix
+from trackerlib.exports.record import Placing
 
 NAMES = {
     "GPX 1.1 (plotters)": "gpx-1.1",
@@ -53,5 +54,13 @@ class FixFiles:
                     settings=session.fix_settings,
                     reasons=session.reasons,
                     intervals=self.intervals.found,
+                    placing=self._placing(),
                 )
             return io.BytesIO(path.read_bytes() if path.exists() else b"")
+
+    def _placing(self) -> Placing | None:
+        """How the arrivals came to have places; None for pings that came with theirs."""
+        session = self.session
+        if session.placed is None:
+            return None
+        return Placing(session.placed, session.position_limits, session.antenna_offset_m)

@@ -219,3 +219,19 @@ def test_the_export_counts_what_was_refused(tab):
     refused = json.loads(tab.export()[1])["refused"]
     assert refused["positions"] == {"HDOP of 10 or more": 30}
     assert sum(refused["arrivals"].values()) == 420 - len(tab.session.pings)
+
+
+def test_the_report_tells_limits_offset_and_what_was_refused(tab):
+    tab.positions.age.value = 1.5
+    tab.positions.offset[0].value = -12.0
+    tab.files.layout.value = "html"
+    text = tab.files.file().read().decode()
+    for words in (
+        "<td>greatest age</td><td>1.5 s</td>",
+        "<td>greatest gap</td><td>3 s</td>",
+        "-12 m forward, 0 m starboard, 0 m down",
+        f"{len(tab.session.pings)} of 420",
+        "30 positions refused: HDOP of 10 or more",
+        "arrivals refused: ",
+    ):
+        assert words in text, words

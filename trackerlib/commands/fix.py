@@ -24,6 +24,7 @@ from trackerlib.beacon.settings import METHODS, FixSettings
 from trackerlib.commands.fix_document import document, interval_document, steadiest_words, step_document
 from trackerlib.commands.position_limits import add_limits, limits_of
 from trackerlib.exports.export import SUFFIXES, export_fix
+from trackerlib.exports.record import Placing
 from trackerlib.rounding import value_with_sigma
 from trackerlib.surveyfiles.profile_csv import read_profile_csv
 from trackerlib.surveyfiles.stream_csv import read_arrivals, read_navigation
@@ -160,11 +161,13 @@ def read(args: argparse.Namespace) -> tuple[Pings, FixSettings]:
     return read_and_count(args)[:2]
 
 
-def read_and_count(args: argparse.Namespace) -> tuple[Pings, FixSettings, dict[str, dict[str, int]]]:
-    """The same, and of what was refused (lines, positions, arrivals) how many for which reason."""
+def read_and_count(
+    args: argparse.Namespace,
+) -> tuple[Pings, FixSettings, dict[str, dict[str, int]], Placing | None]:
+    """The same, of what was refused (lines, positions, arrivals) how many for which reason, and how it was placed."""
     if args.navigation is not None:
-        pings, refused = _from_stream(args)
-        return pings, _settings(args), refused
+        pings, refused, placing = _from_stream(args)
+        return pings, _settings(args), refused, placing
     reading = read_survey(
         args.pings,
         layout=args.format,
@@ -176,14 +179,14 @@ def read_and_count(args: argparse.Namespace) -> tuple[Pings, FixSettings, dict[s
         print(f"{args.pings.name}, line {record.line}: {record.why}", file=sys.stderr)
     for note in reading.notes:
         print(f"{args.pings.name}: {note}", file=sys.stderr)
-    return reading.pings, _settings(args), {"lines": _by_reason(reading.bad_records)}
+    return reading.pings, _settings(args), {"lines": _by_reason(reading.bad_records)}, None
 
 
 def _by_reason(records) -> dict[str, int]:
     return dict(Counter(record.why for record in records))
 
 
-def _from_stream(args: argparse.Namespace) -> tuple[Pings, dict[str, dict[str, int]]]:
+def _from_stream(args: argparse.Namespace) -> tuple[Pings, dict[str, dict[str, int]], Placing]:
     """Pings of arrivals and a navigation stream; what was refused is counted, on standard error too."""
     if args.interval_s is None:
         raise InputError("--navigation needs --interval-s, the interval of the pinger")
@@ -199,7 +202,8 @@ def _from_stream(args: argparse.Namespace) -> tuple[Pings, dict[str, dict[str, i
     refused = {"positions": dict(ship.fixes_refused), "arrivals": dict(ship.refused)}
     for sentence in ship.words:
         print(sentence, file=sys.stderr)
-    return pings, {"lines": _by_reason([*arrivals.bad_records, *bad])} | refused
+    lines = {"lines": _by_reason([*arrivals.bad_records, *bad])}
+    return pings, lines | refused, Placing(ship, limits_of(args), args.antenna_offset_m)
 
 
 def _settings(args: argparse.Namespace) -> FixSettings:
@@ -246,12 +250,12 @@ def _settings(args: argparse.Namespace) -> FixSettings:
 
 def run(args: argparse.Namespace) -> dict:
     """The answer of `fix` as a document for JSON."""
-    pings, settings, refused = read_and_count(args)
+    pings, settings, refused, placing = read_and_count(args)
     fix = fix_beacon(pings, settings)
     intervals, warnings = _intervals(pings, fix, settings, args.intervals)
     for path in args.export:
         layout = f"gpx-{args.gpx_version}" if path.suffix.lower() == ".gpx" else None
-        export_fix(fix, path, layout, pings=pings, settings=settings, intervals=intervals)
+        export_fix(fix, path, layout, pings=pings, settings=settings, intervals=intervals, placing=placing)
     answer = document(fix) | {"refused": refused, "warnings": warnings}
     if args.intervals is not None:
         answer["interval95_m"] = intervals and interval_document(intervals)

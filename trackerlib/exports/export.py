@@ -18,7 +18,7 @@ from trackerlib.exports.gpx import fix_gpx
 from trackerlib.exports.html_report import fix_html
 from trackerlib.exports.kml import fix_kml
 from trackerlib.exports.netcdf import write_netcdf
-from trackerlib.exports.record import FixRecord
+from trackerlib.exports.record import FixRecord, Placing
 from trackerlib.exports.tables import fix_geojson, pings_csv
 from trackerlib.textfiles import InputError
 
@@ -49,6 +49,7 @@ def export_fix(
     settings: FixSettings | None = None,
     reasons: dict[int, str] | None = None,
     intervals: dict[str, Interval] | None = None,
+    placing: Placing | None = None,
 ) -> None:
     """Writes a fix, refused or not, in the layout that the suffix of `path` says; whole or not at all.
 
@@ -57,11 +58,12 @@ def export_fix(
     settings : what the fix was made with, for the HTML report
     reasons : why pings were left out by hand, by their number, for the CSV and the HTML report
     intervals : of `profile_intervals` or `bootstrap_intervals`, for the summary
+    placing : where the pings were made of arrivals and positions, for the HTML report
     Raises InputError for a suffix or layout that is not known, or a file that cannot be written.
     """
     path = Path(path)
     write = _writer(path, layout)
-    record = FixRecord(fix, pings, settings, reasons or {}, intervals or {})
+    record = FixRecord(fix, pings, settings, reasons or {}, intervals or {}, placing)
     part = path.with_name(path.name + ".part")
     try:
         write(record, part)

@@ -10,7 +10,7 @@ from dataclasses import fields
 import numpy as np
 
 from trackerlib.beacon.settings import FixSettings
-from trackerlib.exports.record import SIMULATED, FixRecord
+from trackerlib.exports.record import SIMULATED, FixRecord, Placing
 from trackerlib.positions import decimal_degrees, degrees_minutes, degrees_minutes_seconds, utm
 
 INK = {"estimate": "#cc3377", "ship": "#5a6470", "rejected": "#8a8f96"}
@@ -35,6 +35,8 @@ def fix_html(record: FixRecord) -> str:
         parts += ["<h2>Residuals</h2>", _residuals(record)]
     if record.settings is not None:
         parts += ["<h2>Settings</h2>", _table(_settings(record.settings))]
+    if record.placing is not None:
+        parts += ["<h2>Ship's positions</h2>", _table(_placing(record.placing))]
     parts += [
         "<h2>Pings left out</h2>",
         _table(_left_out(record)) if len(record.fix.rejected) else "<p>none</p>",
@@ -77,6 +79,19 @@ def _settings(settings: FixSettings) -> list[tuple[str, str]]:
             value = ", ".join(map(str, sorted(value))) or "none"
         rows.append((field.name, "not told" if value is None else str(value)))
     return rows
+
+
+def _placing(placing: Placing) -> list[tuple[str, str]]:
+    limits, ship = placing.limits, placing.ship
+    forward, starboard, down = placing.antenna_offset_m
+    rows = [
+        ("refused from HDOP", f"{limits.greatest_hdop:g}"),
+        ("greatest age", f"{limits.greatest_age_s:g} s"),
+        ("greatest gap", f"{limits.gap_s:g} s"),
+        ("antenna to hydrophone", f"{forward:g} m forward, {starboard:g} m starboard, {down:g} m down"),
+        ("arrivals with a position", f"{int(ship.accepted.sum())} of {len(ship.time_s)}"),
+    ]
+    return rows + [("", sentence) for sentence in ship.words]
 
 
 def _table(rows: list[tuple[str, str]]) -> str:

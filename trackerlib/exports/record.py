@@ -10,6 +10,7 @@ import numpy as np
 
 from trackerlib import __version__
 from trackerlib.beacon.intervals import Interval
+from trackerlib.beacon.navigation import PositionLimits, ShipPositions
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
@@ -32,6 +33,15 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
+class Placing:
+    """How arrivals came to have places: what was asked of the ship's positions, and what that refused."""
+
+    ship: ShipPositions
+    limits: PositionLimits
+    antenna_offset_m: tuple[float, float, float]  # antenna to hydrophone: forward, starboard, down
+
+
+@dataclass(frozen=True, eq=False)
 class FixRecord:
     """A fix with the pings and settings that it was made from, where these are known.
 
@@ -43,6 +53,7 @@ class FixRecord:
     settings: FixSettings | None = None
     reasons: dict[int, str] = field(default_factory=dict)  # why pings were left out by hand
     intervals: dict[str, Interval] = field(default_factory=dict)  # 95 %, where they were asked for
+    placing: Placing | None = None  # where the pings were made of arrivals and positions
 
     def __post_init__(self):
         if self.pings is not None and not np.array_equal(self.pings.number, self.fix.number):
