@@ -119,3 +119,17 @@ def test_a_hundred_thousand_pings_are_no_trouble():
     assert fix.converged
     place = FRAME.to_local(*fix.frame.to_geodetic(fix.position))
     assert (np.abs(place - BEACON) < 4 * fix.sigma).all()
+
+
+def test_a_circle_round_the_beacon_says_to_sail_across_it():
+    circle = SURVEYS["a circle round the beacon"][0]()
+    assert "as on a circle round the beacon" in fix_beacon(circle, FixSettings()).reason
+    across = survey(
+        np.vstack([
+            BEACON[:2] + 1000 * np.c_[np.sin(ANGLE), np.cos(ANGLE)],
+            BEACON[:2] + np.c_[np.zeros(40), np.linspace(1000, -1000, 40)],
+        ])
+    )  # fmt: skip
+    fix = fix_beacon(across, FixSettings(gps_rms_m=2.0))
+    assert fix.converged, fix.reason
+    assert abs(fix.depth_m - 1500) < 4 * fix.sigma[2]

@@ -18,6 +18,8 @@ from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M
 FEWEST_CHANGES = 8  # pairs of pings from which impossible times are told
 DRIFTING_LENGTH = 3.0  # residuals that count as one, from which a still beacon's motion is looked for
 MANY_TIMES = 10  # pings for every unknown: residuals this alike are then no want of pings
+ONE_DISTANCE = 2.0  # noises of a time, that all times may scatter by where the ship kept one distance
+ALIKE_SHARE = 0.02  # the same, of the time that sound takes along the track
 OTHER_LEG = 0.3  # of the slant range: a leg that tells places apart
 SLOWEST_MPS = 0.02  # below this a beacon is not said to move
 MOST_BIAS = 0.2  # standard errors by which noisy ship positions may shift a fix that is believed
@@ -48,7 +50,13 @@ def objection(
     """Why this fix must not be believed, or None; bias (P,) is the one that its state may have."""
     edge = attempt.problem.region.edge(best.position)
     if edge:
-        return f"the best fit lies on the edge of the search region: {edge}; widen it or check the times"
+        act = "widen it or check the times"
+        if _one_distance(attempt, best):
+            act = (
+                "all times are alike within their noise, as on a circle round the beacon, which tells no depth; sail "
+                "a leg straight over the middle"
+            )
+        return f"the best fit lies on the edge of the search region: {edge}; {act}"
     if fix.uncertainty is None:
         return _no_standard_error(attempt, fix)
     for when, instant in (("first", 0.0), ("last", 2 * attempt.motion.half_s)):
@@ -103,6 +111,14 @@ def _no_standard_error(attempt: Attempt, fix: BeaconFix) -> str:
         f"the residuals of all {used} pings hang together, so the picture behind the fix is wrong and no standard "
         f"error can be given; {cause}"
     )
+
+
+def _one_distance(attempt: Attempt, best: Candidate) -> bool:
+    """Whether the times differ little more than they err, though the ship moved."""
+    problem = attempt.problem.only(best.keep)
+    scatter_s = 1.4826 * float(np.median(np.abs(problem.time - np.median(problem.time))))
+    extent_s = np.ptp(problem.ship[:, :2], axis=0).max() / problem.paths.mean_speed(TYPICAL_DEPTH_M)
+    return scatter_s < min(ONE_DISTANCE * best.noise_s, ALIKE_SHARE * extent_s)
 
 
 def _moves(attempt: Attempt, best: Candidate, fix: BeaconFix) -> str | None:
