@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable
 
 import panel as pn
@@ -24,6 +25,8 @@ Or type the path of a file on the machine that this program runs on: one of any 
 whose days, runs and vehicles can then be chosen in the page's head.
 """
 
+TROUBLE = {"color": "#C62828", "font-weight": "600"}
+
 
 class OpenDialog:
     """The dialog; `pane` goes into the page."""
@@ -44,11 +47,14 @@ class OpenDialog:
         self.path.param.watch(lambda event: self._typed(), "enter_pressed")
         button = pmui.Button(label="Open", size="small", variant="outlined", margin=(12, 8))
         button.on_click(lambda event: self._typed())
+        # The status line lies in the dialog's shade, so what went wrong is told here too.
+        self.trouble = pn.pane.HTML(visible=False, sizing_mode="stretch_width", styles=TROUBLE, margin=(4, 8))
         self.pane = pmui.Dialog(
             pn.pane.Markdown(WORDS),
             self.dropper,
             pn.pane.Markdown(PATH_WORDS),
             pn.Row(self.path, button, sizing_mode="stretch_width", margin=0),
+            self.trouble,
             title="Open",
             width_option="sm",
             show_close_button=True,
@@ -56,6 +62,7 @@ class OpenDialog:
 
     def show(self) -> None:
         """Brings the dialog in sight."""
+        self.trouble.visible = False
         self.pane.open = True
 
     def _dropped(self, files: dict) -> None:
@@ -76,6 +83,7 @@ class OpenDialog:
             self.pane.open = False
         except Exception as error:
             self.session.report(error)
+            self.trouble.param.update(object=html.escape(self.session.message), visible=True)
 
 
 class RunChoice:

@@ -132,6 +132,8 @@ def test_a_campaign_that_was_dropped_says_what_to_do(campaign):
     assert "key runs[1].tfile: first.dat is beside the campaign file" in session.message
     assert "type the campaign's own path under Open" in session.message
     assert dialog.pane.open
+    assert dialog.trouble.visible
+    assert "first.dat is beside the campaign file" in dialog.trouble.object
     dialog.path.value_input = f" '{campaign}' "
     dialog._typed()
     assert not dialog.pane.open
