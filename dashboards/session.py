@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.beacon.fix import fix_beacon
 from trackerlib.beacon.live_survey import LiveSurvey
 from trackerlib.beacon.navigation import PositionLimits, Receptions, ShipPositions
-from trackerlib.beacon.pings import PingLog, Pings
+from trackerlib.beacon.pings import Ping, PingLog, Pings
 from trackerlib.beacon.result import BeaconFix, blank_fix
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.crossover.edits import PointEdits
@@ -119,6 +120,7 @@ class Session(param.Parameterized):
         self._queue, self._log = PingQueue(), PingLog()
         self._live_survey: LiveSurvey | None = None
         self._live_of: tuple = ()  # what the live estimator was begun for
+        self._heard_again = 0  # times that the pings of a live hunt were put in the place of others
         self._placed_by: tuple = ()  # limits, offset and depth by which the pings were made
 
     # -- messages ------------------------------------------------------------------------------
@@ -299,19 +301,20 @@ class Session(param.Parameterized):
 
     def take_receptions(self, receptions: Receptions, words: str, truth: dict | None = None) -> None:
         """Begins a hunt with pings made of arrivals and positions; raises ValueError as `Receptions.pings` does."""
-        self._placed_by = self._placing
-        pings, placed = receptions.pings(*self._placing)
+        self._placed_by = self.placing
+        pings, placed = receptions.pings(*self.placing)
         words = "; ".join([words, *placed.words])
         self.take_pings(pings, words, truth, receptions=receptions, placed=placed)
 
     @property
-    def _placing(self) -> tuple[PositionLimits, tuple, float]:
+    def placing(self) -> tuple[PositionLimits, tuple, float]:
+        """By what arrivals and positions are made into pings: limits, antenna offset, hydrophone's depth."""
         return self.position_limits, self.antenna_offset_m, self.fix_settings.hydrophone_depth_m
 
     @param.depends("position_limits", "antenna_offset_m", "fix_settings", watch=True)
     def _place_again(self) -> None:
         """Other limits, another offset or depth: the pings are made afresh, off the event loop."""
-        receptions, placing = self.receptions, self._placing
+        receptions, placing = self.receptions, self.placing
         if receptions is None or placing == self._placed_by:
             return
         self._placed_by = placing
@@ -341,6 +344,18 @@ class Session(param.Parameterized):
         self.say(f"Listening to {source}")
         return self._queue
 
+    def hear_again(self, queue: PingQueue, pings: Iterable[Ping]) -> None:
+        """Puts other pings in the place of those of a live hunt; of one that is over nothing is touched."""
+        if queue is not self._queue:
+            return
+        queue.drain()
+        self._log = PingLog(self._log.source, self._log.simulated)
+        for ping in pings:
+            self._log.add(ping)
+        self._heard_again += 1
+        heard = self._log.pings()
+        self.param.update(pings=heard, heard=len(heard), fix=None)
+
     def stop_listening(self) -> None:
         """Takes no further pings; those heard stay, and can be replayed."""
         self._take_waiting()
@@ -360,7 +375,7 @@ class Session(param.Parameterized):
         """The live estimator told of every ping that it has not heard yet, off the event loop."""
         heard, settings = self.pings.only(slice(0, self.heard)), self.fix_settings
         count = self._log.count if self.listening else self.heard
-        begun_for = (self.opened, settings, self.placed)
+        begun_for = (self.opened, settings, self.placed, self._heard_again)
 
         def work(progress):
             survey = self._live_survey
@@ -396,11 +411,11 @@ class Session(param.Parameterized):
         self._start_fix(lambda progress: fix_beacon(heard, settings))
 
     def _start_fix(self, work) -> None:
-        opened, placed = self.opened, self.placed
+        opened, placed, again = self.opened, self.placed, self._heard_again
 
         def done(fix):
             # Another survey may be open by now, or the pings of this one made afresh.
-            if self.opened == opened and self.placed is placed:
+            if self.opened == opened and self.placed is placed and self._heard_again == again:
                 self.fix = fix
 
         self.jobs.start("fix", work, done)

@@ -22,7 +22,10 @@ OWN_POSITIONS = (
     "instants of arrival and the ship's positions are opened side by side, where the Wet-paper chart hands on what it "
     "heard, and to pings that come from a receiver."
 )
-FROM_NOW_ON = "A change holds for the pings that come from now on; those heard keep their positions."
+LIVE = (
+    "A change judges all arrivals of this hunt again, and says what it refused; ranges of a deck unit that were heard "
+    "keep their positions."
+)
 
 
 class PositionControls:
@@ -77,7 +80,7 @@ class PositionControls:
         if self.session.placed is not None:
             self.words.object = placed_words(self.session.placed)
         else:
-            self.words.object = FROM_NOW_ON if self.session.listening else OWN_POSITIONS
+            self.words.object = LIVE if self.session.listening else OWN_POSITIONS
 
     def _set_limits(self) -> None:
         if self._quiet:

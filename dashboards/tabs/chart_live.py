@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
+from collections import deque
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 
 from dashboards.live import PingQueue
 from dashboards.session import Session
-from trackerlib.beacon.navigation import NavigationFixes, ship_at_receptions
+from trackerlib.beacon.navigation import NavigationFixes, ShipPositions, ship_at_receptions
 from trackerlib.beacon.pings import Ping
 from trackerlib.live.deck_pings import RangePlacer
 from trackerlib.live.navigation_feed import FeedStatus, NavigationFeed
@@ -38,6 +39,7 @@ GPS_DECIMALS = 4  # of a minute, of the emulated GPS; the report's 2 are steps o
 EMULATED_GPS_M = 3.0
 BUSY_POLL_S = 0.45  # of the emulator's time, between two questions, where it is many times as fast as ours
 KEPT_FIXES = 400_000
+KEPT_PINGS = 1 << 17  # as many as a hunt keeps
 
 
 @dataclass
@@ -110,10 +112,18 @@ class _Following:
 
     run: int
     follower: PingFollower
-    waiting: list[FollowedPing] = field(default_factory=list)  # for a position
+    heard: deque[FollowedPing] = field(
+        default_factory=lambda: deque(maxlen=KEPT_PINGS)
+    )  # to be judged again by other limits
+    waiting: list[FollowedPing] = field(default_factory=list)  # of these, for a position
     number: list[int] = field(default_factory=list)  # of the pings handed on
     arrival_s: list[float] = field(default_factory=list)
     unplaced: int = 0  # pings for which there was no position
+
+    def take(self, pings: list[FollowedPing], feeding: bool) -> None:
+        """Pings that wait for a position from now on, where they are given to the hunt."""
+        self.heard.extend(pings if feeding else ())
+        self.waiting += pings
 
 
 class LiveReceiver:
@@ -136,6 +146,7 @@ class LiveReceiver:
         self._simulated = False
         self._where, self._interval_s = "", 2.0
         self._fixes: list[tuple[float, float, float, float]] = []
+        self._judged_by: tuple = ()  # limits, offset and depth, of the pings handed on
 
     # -- begin and end -------------------------------------------------------------------------
 
@@ -292,8 +303,8 @@ class LiveReceiver:
             until = (last.number + 1) * last.period_samples * self.receiver.settings.sample_interval_s
             self.roll.fixes = self._positions()
             self.roll.add(news.arrivals, until)
-            self._followed.waiting += self._followed.follower.feed(news.arrivals)
-        if self._followed is not None and self._followed.waiting:
+            self._followed.take(self._followed.follower.feed(news.arrivals), self.feeding)
+        if self._followed is not None and (self._followed.waiting or self._judged_by != self.session.placing):
             self.roll.fixes = self._positions()
             self._hand_on(self._followed)
         return begun
@@ -332,42 +343,61 @@ class LiveReceiver:
         if not self.feeding or self._of_ranges:
             following.waiting.clear()
             return
-        times = np.array([ping.arrival_s for ping in following.waiting])
-        fixes = self.roll.fixes
-        near = fixes.time_s > times.min() - PATIENCE_S
-        ship = ship_at_receptions(
-            NavigationFixes(*(c[near] for c in (fixes.time_s, fixes.lat_deg, fixes.lon_deg, fixes.hdop))),
-            times,
-            self.session.position_limits,
-            self.session.antenna_offset_m,
-        )
-        still = []
+        self._judge_again(following)
+        ship, still = self._ship_at(following.waiting), []
         for k, ping in enumerate(following.waiting):
             if ship.accepted[k]:
-                self._push(following, ping, float(ship.lat_deg[k]), float(ship.lon_deg[k]))
-            elif ping.arrival_s > self.roll.until_s - PATIENCE_S:
+                if self._queue is None:
+                    self._begin_hunt()
+                self._queue.push(self._placed(following, ping, ship, k))
+            elif self._may_yet(ping):
                 still.append(ping)
             else:
                 following.unplaced += 1
         following.waiting = still
 
-    def _push(self, following: _Following, ping: FollowedPing, lat: float, lon: float) -> None:
-        if self._queue is None:
-            self._begin_hunt()
+    def _judge_again(self, following: _Following) -> None:
+        """Makes the hunt's pings afresh where limits, offset or depth were turned since."""
+        before, self._judged_by = self._judged_by, self.session.placing
+        if self._queue is None or before == self._judged_by:
+            return
+        heard = list(following.heard)
+        ship = self._ship_at(heard)
+        following.number.clear()
+        following.arrival_s.clear()
+        again = [self._placed(following, ping, ship, k) for k, ping in enumerate(heard) if ship.accepted[k]]
+        refused = [ping for ping, accepted in zip(heard, ship.accepted, strict=True) if not accepted]
+        following.waiting = [ping for ping in refused if self._may_yet(ping)]
+        following.unplaced = len(refused) - len(following.waiting)
+        self.session.hear_again(self._queue, again)
+        self.session.say("; ".join([f"{len(again)} of {len(heard)} arrivals have a position", *ship.words]))
+
+    def _may_yet(self, ping: FollowedPing) -> bool:
+        """Whether a position may still come for a ping."""
+        return ping.arrival_s > self.roll.until_s - PATIENCE_S
+
+    def _ship_at(self, pings: list[FollowedPing]) -> ShipPositions:
+        """Where the ship was at some pings, by the limits and the offset told."""
+        times = np.array([ping.arrival_s for ping in pings])
+        fixes = self.roll.fixes
+        near = fixes.time_s > times.min(initial=np.inf) - PATIENCE_S
+        few = NavigationFixes(*(c[near] for c in (fixes.time_s, fixes.lat_deg, fixes.lon_deg, fixes.hdop)))
+        return ship_at_receptions(few, times, self.session.position_limits, self.session.antenna_offset_m)
+
+    def _placed(self, following: _Following, ping: FollowedPing, ship: ShipPositions, row: int) -> Ping:
+        """A ping with its place, noted among those handed on."""
         number = ping.emission + 1
-        self._queue.push(
-            Ping(
-                number,
-                lat,
-                lon,
-                ping.travel_s(self._interval_s),
-                ping.emission * self._interval_s,
-                up_m=-self.session.fix_settings.hydrophone_depth_m,
-                utc=self.utc_of(ping.arrival_s),
-            )
-        )
         following.number.append(number)
         following.arrival_s.append(ping.arrival_s)
+        return Ping(
+            number,
+            float(ship.lat_deg[row]),
+            float(ship.lon_deg[row]),
+            ping.travel_s(self._interval_s),
+            ping.emission * self._interval_s,
+            up_m=-self.session.fix_settings.hydrophone_depth_m,
+            utc=self.utc_of(ping.arrival_s),
+        )
 
     def _begin_hunt(self) -> None:
         """A new hunt of the session, with what is known of the water and the clock."""

@@ -14,6 +14,7 @@ import pytest
 
 from dashboards.session import Session
 from dashboards.tabs.chart import ChartTab
+from trackerlib.beacon.navigation import PositionLimits
 from trackerlib.live.nmea import checksum
 from trackerlib.live.session_file import read_session
 from trackerlib.simulation.sail_units import degrees_minutes
@@ -70,6 +71,36 @@ def test_from_the_line_to_paper_pings_and_file(tab):
     assert tab.paper.count >= lines
     tab.controls_.accept.clicks += 1
     assert len(tab.session.pings) > 35
+
+
+def test_other_limits_judge_the_pings_of_a_hunt_again(tab):
+    session = tab.session
+    connect(tab)
+    assert until(tab, lambda: session.pings is not None and len(session.pings) > 30), tab.live.status
+    heard = len(session.pings)
+    before = dict(zip(session.pings.number.tolist(), session.pings.lat_deg.tolist(), strict=True))
+    session.edit(antenna_offset_m=(-200.0, 0.0, 0.0))
+    assert until(tab, lambda: session.pings.lat_deg[0] != before[int(session.pings.number[0])])
+    assert len(session.pings) >= heard
+    metres = 111e3 * np.array(
+        [
+            lat - before[n]
+            for n, lat in zip(session.pings.number, session.pings.lat_deg, strict=True)
+            if n in before
+        ]
+    )
+    assert len(metres) == heard
+    assert np.abs(metres).max() > 30
+    session.edit(position_limits=PositionLimits(greatest_hdop=0.5))  # which no position has
+    assert until(tab, lambda: len(session.pings) == 0)
+    assert "arrivals refused: " in session.message
+    assert len(tab.live.followed[0]) == 0
+    for _ in range(2):
+        session.undo()
+    assert until(tab, lambda: len(session.pings) >= heard)
+    again = dict(zip(session.pings.number.tolist(), session.pings.lat_deg.tolist(), strict=True))
+    assert {n: again[n] for n in before} == pytest.approx(before, abs=1e-9)
+    assert until(tab, lambda: session.fix is not None and len(session.fix.number) >= heard)
 
 
 def test_the_menus_turn_the_receiver(tab):
