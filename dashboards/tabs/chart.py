@@ -117,7 +117,6 @@ class ChartTab(Inputs, TraceActions, Tab):
             heading("Where the ship was"),
             drawn(self.map.figure, sizing_mode="stretch_width", height=310, margin=(0, 6)),
             margin=0,
-            sizing_mode="stretch_width",
         )
 
     def _bind(self) -> None:

@@ -181,3 +181,10 @@ def test_an_empty_session_says_what_is_missing():
     tab.activate()
     assert "No survey is open" in tab.words.object
     assert tab.export() is None
+
+
+def test_it_is_laid_out_without_a_word_in_the_log(caplog):
+    tab = ChartTab(session=Session())
+    tab.activate()
+    tab.__panel__().get_root()
+    assert "sizing_mode" not in caplog.text
