@@ -190,6 +190,7 @@ class Workbench:
             title=NAME,
             width_option="md",
             show_close_button=True,
+            close_on_click=True,  # beside it; Escape too
         )
 
     @property

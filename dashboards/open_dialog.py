@@ -58,6 +58,7 @@ class OpenDialog:
             title="Open",
             width_option="sm",
             show_close_button=True,
+            close_on_click=True,  # beside it; Escape too
         )
 
     def show(self) -> None:

@@ -137,6 +137,9 @@ def test_files_are_opened_and_what_is_none_is_told_in_words(server, open_page, t
         page.keyboard.press("Control+o")
         page.locator("input[type=file]").first.set_input_files(path)
         expect(page.get_by_role("status").last).to_contain_text(words, timeout=20_000)
+    expect(page.get_by_role("dialog")).to_contain_text("picture.png, line 1: found binary data")
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("dialog")).to_have_count(0)
     expect(page.get_by_text("6 usable pings").first).to_be_visible(timeout=20_000)
     assert record.errors == []
     assert server.get()[0] == 200
