@@ -241,3 +241,18 @@ def test_the_fix_prints_what_a_report_would_say():
     assert "95 % ellipse" in text
     assert "depth 2" in text
     assert str(fix_beacon(survey(BOX, BEACON).only(slice(0, 2)))).startswith("no fix: 2 usable pings")
+
+
+@pytest.mark.parametrize("how", [{}, {"interval_s": 2.0}, {"motion": "free"}, {"estimate_sound_speed": True}])
+def test_pings_left_out_by_hand_keep_a_residual(how):
+    """They stay in the pictures, where they can be chosen and put back."""
+    pings = survey(BOX, BEACON, Errors(1.0, 1e-4))
+    late = pings.travel_time_s.copy()
+    late[7] += 0.05
+    settings = replace(FixSettings(gps_rms_m=1.0), left_out=frozenset(pings.number[[5, 7]].tolist()), **how)
+    fix = fix_beacon(replace(pings, travel_time_s=late), settings)
+    assert fix.converged, fix.reason
+    assert not fix.used[[5, 7]].any()
+    assert fix.residual_s[[5, 7]] == pytest.approx([0.0, 0.05], abs=5e-3)
+    every = fix_beacon(pings, replace(settings, left_out=frozenset()))
+    assert fix.residual_s[5] == pytest.approx(every.residual_s[5], abs=3e-4)

@@ -27,6 +27,7 @@ from trackerlib.beacon.observability import (
     unseen_directions,
 )
 from trackerlib.beacon.on_a_line import UNREACHABLE, fix_on_a_line
+from trackerlib.beacon.paths import paths_through
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import AS_LIKELY, BeaconFix, blank_fix, timed
 from trackerlib.beacon.search import candidates_of
@@ -64,7 +65,32 @@ def fix_beacon(pings: Pings, settings: FixSettings | None = None) -> BeaconFix:
         if np.array_equal(renewed, time):
             break
         blank = timed(blank, renewed, pings, allowed, settings)
-    return fix
+    return _with_left_out(fix, pings, settings)
+
+
+def _with_left_out(fix: BeaconFix, pings: Pings, settings: FixSettings) -> BeaconFix:
+    """The fix with residuals of the pings left out by hand too, where the constant in all times is one."""
+    plain = not (settings.estimate_interval or settings.estimate_interval_drift)
+    if fix.residual_s is None or fix.position is None or not settings.left_out or not plain:
+        return fix
+    by_hand = np.isin(pings.number, list(settings.left_out)) & np.isfinite(fix.ship).all(axis=1)
+    by_hand &= np.isfinite(pings.travel_time_s)
+    paths = paths_through(settings.sound_speed_mps, settings.profile, settings.max_depth_m)
+    moved = 0.0 if fix.velocity is None else fix.elapsed_s[by_hand, None] * fix.velocity
+    place = fix.position + np.zeros((by_hand.sum(), 3)) + moved
+    travel_s = np.array(
+        [
+            paths.times(at[None], ship[None])[0][0, 0]
+            for at, ship in zip(place, fix.ship[by_hand], strict=True)
+        ]
+    )
+    travel_s *= paths.mean_speed(max(fix.depth_m, 0.0)) / fix.sound_speed_mps
+    late_s = pings.travel_time_s[by_hand] - travel_s - (fix.emission_offset_s or 0.0)
+    if settings.interval_s is not None:
+        late_s -= settings.interval_s * np.rint(late_s / settings.interval_s)
+    residual_s = fix.residual_s.copy()
+    residual_s[by_hand] = late_s
+    return replace(fix, residual_s=residual_s)
 
 
 def _without_false_returns(pings: Pings, settings: FixSettings) -> FixSettings:
