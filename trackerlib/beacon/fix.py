@@ -173,9 +173,9 @@ def _judged(attempt: Attempt) -> BeaconFix:
         for instant in (0.0, 2 * attempt.motion.half_s)[: 1 + attempt.motion.moving]:
             unseen = unseen or unseen_directions(fix.at(instant)[1], slant_range, track)
     others = tuple(
-        attempt.solution(other.position, other.cost - best.cost)
+        attempt.solution(other.position, worse)
         for other in candidates[1:]
-        if _as_likely(other, best, fix)
+        if (worse := _worse(other, best, fix)) < AS_LIKELY
         and not _inside(attempt, other, fix)
         and attempt.problem.region.edge(other.position) is None
     )
@@ -184,9 +184,10 @@ def _judged(attempt: Attempt) -> BeaconFix:
     return replace(fix, converged=reason is None, reason=reason)
 
 
-def _as_likely(other: Candidate, best: Candidate, fix: BeaconFix) -> bool:
+def _worse(other: Candidate, best: Candidate, fix: BeaconFix) -> float:
+    """Chi-square of a candidate above the best one's, residuals that hang together counted once."""
     length = 1.0 if fix.uncertainty is None else fix.uncertainty.correlation.length
-    return (other.cost - best.cost) / length < AS_LIKELY
+    return (other.cost - best.cost) / length
 
 
 def _inside(attempt: Attempt, other: Candidate, fix: BeaconFix) -> bool:

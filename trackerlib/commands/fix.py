@@ -403,7 +403,7 @@ def _further_lines(answer: dict) -> list[str]:
     if "verdict" in answer:
         lines.append(f"choice    {answer['verdict']}")
     lines += [
-        f"fits as well: {a['lat_deg']:.6f}, {a['lon_deg']:.6f}, depth {a['depth_m']:.0f} m, "
+        f"also fits {a['lat_deg']:.6f}, {a['lon_deg']:.6f}, depth {a['depth_m']:.0f} m, "
         f"{chi_square_words(a['chi_square_above_best'])}"
         for a in answer["alternatives"]
     ]
