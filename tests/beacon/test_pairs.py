@@ -94,27 +94,82 @@ def test_the_answer_is_where_the_thesis_iteration_rests(scenario, count, spacing
     assert compared >= 4
 
 
+def by_deming(ship, ranges, epochs, pairs, gps_rms_m, moving):
+    """Beacons (B, P) of 3000 steps of the thesis's iteration from its start, and which of them rest (B,)."""
+    unknowns = 6 if moving else 3
+    variance = np.array([gps_rms_m**2, gps_rms_m**2, RANGE_RMS_M**2])
+    start, limits = np.append(START, np.zeros(unknowns - 3)), SearchBox().limits(unknowns)
+    quarters = np.array_split(np.arange(len(ship)), 4)
+    parts = in_threads(
+        deming_fixes,
+        [(ship[k], ranges[k], epochs, pairs, variance, limits, start, 3000) for k in quarters],
+    )
+    theirs, rests = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return theirs, rests
+
+
+def beside_deming(told, gps_rms_m, moving):
+    """Which of Deming's rest (B,), ours converging there, and how far their sums of squares are above ours."""
+    ship, ranges, epochs, pairs = told
+    theirs, rests = by_deming(*told, gps_rms_m, moving)
+    fixes = fix_pairs(*told, gps_rms_m, RANGE_RMS_M, moving=moving)
+    assert fixes.converged[rests].all()
+    variance = np.array([gps_rms_m**2, gps_rms_m**2, RANGE_RMS_M**2])
+    same = ship[rests], ranges[rests], epochs, pairs, variance
+    least, found = least_squares_at(theirs[rests], *same), least_squares_at(fixes.estimate[rests], *same)
+    assert found == pytest.approx(fixes.misfit[rests], rel=1e-5)
+    return rests, least - found
+
+
 @pytest.mark.parametrize("gps_rms_m", [3.0, 25.0])
 def test_it_converges_wherever_three_thousand_steps_of_deming_do(gps_rms_m):
     """From the thesis's start, 50 experiments; 25 m of GPS for moving beacons, of which only some rest at all."""
-    variance = np.array([gps_rms_m**2, gps_rms_m**2, RANGE_RMS_M**2])
     for scenario in SCENARIOS if gps_rms_m > 3 else (1, 2, 3):
-        ship, ranges, epochs, pairs = survey(scenario, 50, 45, gps_rms_m, 100)
-        unknowns = 6 if scenario > 3 else 3
-        start, limits = np.append(START, np.zeros(unknowns - 3)), SearchBox().limits(unknowns)
-        halves = [slice(0, 50), slice(50, 100)]
-        parts = in_threads(
-            deming_fixes,
-            [(ship[half], ranges[half], epochs, pairs, variance, limits, start, 3000) for half in halves],
-        )
-        theirs, rests = (np.concatenate(part) for part in zip(*parts, strict=True))
-        fixes = fix_pairs(ship, ranges, epochs, pairs, gps_rms_m, RANGE_RMS_M, moving=scenario > 3)
+        rests, gained = beside_deming(survey(scenario, 50, 45, gps_rms_m, 100), gps_rms_m, scenario > 3)
         assert rests.mean() > 0.8, scenario
-        assert fixes.converged[rests].all(), scenario
-        told = ship[rests], ranges[rests], epochs, pairs, variance
-        least, found = least_squares_at(theirs[rests], *told), least_squares_at(fixes.estimate[rests], *told)
-        assert (found <= least + 1e-4).all(), scenario
-        assert found == pytest.approx(fixes.misfit[rests], rel=1e-5)
+        assert (gained >= -1e-4).all(), scenario
+
+
+@pytest.mark.parametrize(("scenario", "lower"), [(2, 0.01), (3, 0.05), (4, 0.4), (5, 0.2), (6, 0.05)])
+def test_a_slow_ship_leaves_several_minima_and_ours_is_hardly_ever_higher(scenario, lower):
+    """The ship at 1 m/s, 25 m of GPS, 50 experiments: one to six minima a survey, of which Deming finds any.
+
+    Ours was higher in 4 of 1061 that the starts were not chosen by; a narrow valley can hide from every start.
+    """
+    rests, gained = beside_deming(survey(scenario, 50, 45, 25.0, 60, speed_mps=1.0), 25.0, scenario > 3)
+    assert rests.mean() > 0.5
+    assert np.sum(gained < -1e-4) <= 1
+    assert (gained > 0.01).mean() > lower
+
+
+@pytest.mark.parametrize("scenario", [2, 4, 5])
+def test_few_experiments_lose_little_of_what_deming_finds(scenario):
+    """30 experiments 10 apart, 25 m of GPS: hardly to be told, and fewer starts are spent on them."""
+    told = survey(scenario, 30, 10, 25.0, 60)
+    theirs, rests = by_deming(*told, 25.0, scenario > 3)
+    fixes = fix_pairs(*told, 25.0, RANGE_RMS_M, moving=scenario > 3)
+    ship, ranges, epochs, pairs = told
+    same = ship[rests], ranges[rests], epochs, pairs, np.array([625.0, 625.0, RANGE_RMS_M**2])
+    least, found = least_squares_at(theirs[rests], *same), least_squares_at(fixes.estimate[rests], *same)
+    assert rests.sum() > 30
+    assert (fixes.converged[rests] & (found <= least + 1e-4)).mean() > 0.9
+
+
+def test_where_it_rests_is_the_lowest_place_around():
+    """No false rest of a damped step: the squares rise on every side of it, and every sigma is told."""
+    ship, ranges, epochs, pairs = survey(6, 30, 10, 25.0, 100)
+    fixes = fix_pairs(ship, ranges, epochs, pairs, 25.0, RANGE_RMS_M, moving=True)
+    kept = fixes.converged
+    assert 30 < kept.sum() < 90
+    variance = np.array([625.0, 625.0, RANGE_RMS_M**2])
+    told = ship[kept], ranges[kept], epochs, pairs, variance
+    here = least_squares_at(fixes.estimate[kept], *told)
+    sigma = np.sqrt(np.diagonal(fixes.covariance[kept], axis1=1, axis2=2))
+    assert (sigma[:, 2] < 1e5).all()
+    for k in range(6):
+        along = fixes.covariance[kept][:, k] / sigma[:, k, None]  # likeliest where the unknown is a sigma off
+        for side in (-0.01, 0.01):
+            assert (least_squares_at(fixes.estimate[kept] + side * along, *told) > here - 1e-5).all()
 
 
 def test_an_independent_program_finds_the_same_place():

@@ -1,7 +1,6 @@
-"""Kernels of the fix from experiments: sums over experiments, damped Gauss-Newton steps, places to start from.
+"""Kernels of the fix from experiments: damped steps to a place of rest, places to start from, the lowest of all.
 
-The loop over the experiments of a fix is what the processor works on side by side: nothing in it is stored, and
-square roots come from its estimate of them. Equation numbers are those of Wojcik (1993).
+Equation numbers are those of Wojcik (1993).
 """
 
 from __future__ import annotations
@@ -9,21 +8,26 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from trackerlib.beacon.pair_sums import FAST, experiment_rows, gather_experiments, normal_equations
 from trackerlib.compiled import compiled
 
-STEPS = 200
-ATTEMPTS = 7  # two linear starts, the one told, one in each quarter of the box
-PRESSED = 8  # steps in a row against the side of the search box: the answer lies outside
+STEPS = 100  # of a descent, each of them one sum over the experiments
+ATTEMPTS = 11  # the one told and two linear starts, four aslant of it at half the depth, four beside it
+FEWEST_ATTEMPTS = 6  # and one for every four experiments where those are more
+PRESSED = 4  # steps in a row against the side of the search box: the answer lies outside
 EXPLAINED = 6.0  # standard errors of chi-square, which shared receptions widen; below it starts end
 AT_REST = 1e-8  # squared step in standard errors
+SLOW = 0.05  # of the sum of squares: a step that gains less,
+TARDY = 0.2  # and more than this of what the last one gained, is slow
+NEAR = 0.01  # standard errors over which second derivatives are differences
+SAME = 0.1  # squared distance in standard errors of one place of rest from another
+WORTH = 0.02  # of what a descent lies above the best: it must gain as much with each step
+DOUBTFUL = 0.08, 0.12  # standard error of a place, still or moving, in distances: from here on
+PROMPT = 7, 8  # and where a search took more steps, there may be other places with less squares
+ALONG = 2.0, -2.0, 5.0, -5.0  # standard errors of the depth, to where a still beacon is looked for then
 CAREFUL = 1e-3  # damping after a step that failed or left the box
-ROUNDING = 1e-10  # of a sum of squares
-FAR = 400.0  # ship position errors: from here on one round puts an experiment's corrections right, else two
-LANES = 8  # experiments are padded to a multiple of this
+ROUNDING = 1e-6  # of a sum of squares
 STILL_COLUMNS, MOVING_COLUMNS = 3, 7  # that a start's squares are linear in
-ROWS = 10  # weight, two epochs, two places, difference of ranges
-ONE_ROUND, TWO_ROUNDS = (0,), (0, 0)  # their lengths are known when compiled
-FAST = {"reassoc", "contract", "arcp", "nsz"}  # NaN and infinity keep their meaning
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
@@ -47,11 +51,12 @@ def fix_some(
     estimate, covariance, misfit, converged, iterations, first, last,
 ):  # fmt: skip
     """The same of surveys first to last, by this thread alone."""
-    work, scratch = _rows(epochs, pairs), _scratch(len(start))
-    place = np.zeros(len(start)), np.zeros((len(start), len(start)))
+    work, scratch = experiment_rows(epochs, pairs), _scratch(len(start))
+    n = len(start)
+    place = np.zeros(n), np.zeros((n, n)), np.zeros((ATTEMPTS, n)), np.zeros((n, n))
     columns, linear = _columns(epochs, len(start) == 6), _scratch(MOVING_COLUMNS)
     for k in range(first, last):
-        _gather(ship[k], ranges[k], pairs, work)
+        gather_experiments(ship[k], ranges[k], pairs, work)
         misfit[k], iterations[k], converged[k] = _best_descent(
             ship[k], ranges[k], len(pairs), start, work, gps_variance, range_variance, limits,
             scratch, place, columns, linear, estimate[k], covariance[k],
@@ -60,171 +65,25 @@ def fix_some(
 
 @compiled
 def _scratch(unknowns):
-    """Two normal matrices and a factor, two right sides, a step and a place."""
+    """Two normal matrices, one of second derivatives and a factor, two right sides, a step and a place."""
     n = unknowns
     return (
-        np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n),
+        np.zeros(n), np.zeros(n)
     )  # fmt: skip
 
 
 @compiled
-def _rows(epochs, pairs):
-    """What is the same for all surveys; places beyond the last experiment keep no weight and a range above zero."""
-    work = np.zeros((ROWS, (len(pairs) + LANES - 1) // LANES * LANES))
-    work[5], work[8] = 1e3, 1e3
-    for n in range(len(pairs)):
-        work[0, n], work[1, n], work[2, n] = 1.0, epochs[pairs[n, 0]], epochs[pairs[n, 1]]
-    return work
-
-
-@compiled
-def _gather(ship, ranges, pairs, work):
-    for n in range(len(pairs)):
-        i, j = pairs[n]
-        work[3, n], work[4, n], work[5, n] = ship[i, 0], ship[i, 1], ship[i, 2]
-        work[6, n], work[7, n], work[8, n] = ship[j, 0], ship[j, 1], ship[j, 2]
-        work[9, n] = ranges[i] - ranges[j]
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
-def _rough_root(square):
-    """1 / sqrt(square) to 7 digits: processors estimate it quickly in single precision."""
-    return np.float64(np.float32(1) / np.sqrt(np.float32(square)))
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
-def _reciprocal_root(square):
-    """1 / sqrt(square) to 14 digits: one Newton step doubles those of the estimate."""
-    q = _rough_root(square)
-    return q * (1.5 - 0.5 * square * q * q)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
-def _rest(x1, y1, z1, x2, y2, z2, difference, gps_variance, range_variance, rounds):
-    """Level directions and reciprocal ranges of one experiment whose corrections rest, its misfit and 1 / sqrt(c).
-
-    An experiment's corrections are -lambda V a with g = 0 (2-70). They only stretch the level offsets, by f1 and f2,
-    and h = h0 -+ mu a with a = h / d, mu = lambda gps_variance, gives f to second order before it is put right.
-    """
-    hh1, hh2, zz1, zz2 = x1 * x1 + y1 * y1, x2 * x2 + y2 * y2, z1 * z1, z2 * z2
-    s1, s2 = hh1 + zz1, hh2 + zz2
-    q1, q2 = _rough_root(s1), _rough_root(s2)
-    qq1, qq2 = q1 * q1, q2 * q2
-    level1, level2 = hh1 * qq1, hh2 * qq2
-    root = _rough_root(gps_variance * (level1 + level2) + 2 * range_variance)
-    over_c = root * root
-    mu = (s1 * q1 - s2 * q2 - difference) * over_c * gps_variance
-    up1, up2 = zz1 * qq1, zz2 * qq2
-    mu *= 1 + 1.5 * mu * gps_variance * over_c * (level1 * up1 * q1 - level2 * up2 * q2)
-    p1, p2 = mu * q1, mu * q2
-    f1, f2 = 1 - p1 * (1 - p1 * up1), 1 + p2 * (1 + p2 * up2)
-    miss = 0.0
-    for k in range(len(rounds)):
-        q1, q2 = _reciprocal_root(f1 * f1 * hh1 + zz1), _reciprocal_root(f2 * f2 * hh2 + zz2)
-        u1, u2 = f1 * q1, f2 * q2
-        root = _reciprocal_root(gps_variance * (u1 * u1 * hh1 + u2 * u2 * hh2) + 2 * range_variance)
-        over_c = root * root
-        # slant range of the corrected place plus a times its correction
-        miss = (f1 * hh1 * f1 + zz1) * q1 - (f2 * hh2 * f2 + zz2) * q2 - difference
-        miss += u1 * (1 - f1) * hh1 - u2 * (1 - f2) * hh2
-        if k < len(rounds) - 1:
-            mu = miss * over_c * gps_variance
-            f1, f2 = 1 - mu * u1, 1 + mu * u2
-    return u1 * x1, u1 * y1, u2 * x2, u2 * y2, z1 * q1, z2 * q2, miss, root
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _still_sums(theta, work, gps_variance, range_variance, rounds, normal, right):
-    """Fills D (2-67) and the right side (2-68) of a still beacon; the sum of squared misfits."""
-    px, py, pz = theta[0], theta[1], theta[2]
-    total = rx = ry = rz = nxx = nxy = nyy = nxz = nyz = nzz = 0.0
-    for n in range(work.shape[1]):
-        ux1, uy1, ux2, uy2, uz1, uz2, miss, root = _rest(
-            work[3, n] - px, work[4, n] - py, pz - work[5, n], work[6, n] - px, work[7, n] - py, pz - work[8, n],
-            work[9, n], gps_variance, range_variance, rounds,
-        )  # fmt: skip
-        root *= work[0, n]
-        miss *= root
-        bx, by, bz = (ux2 - ux1) * root, (uy2 - uy1) * root, (uz1 - uz2) * root
-        total += miss * miss
-        rx += bx * miss
-        ry += by * miss
-        rz += bz * miss
-        nxx += bx * bx
-        nxy += bx * by
-        nyy += by * by
-        nxz += bx * bz
-        nyz += by * bz
-        nzz += bz * bz
-    right[0], right[1], right[2] = -rx, -ry, -rz
-    normal[0, 0], normal[1, 0], normal[1, 1] = nxx, nxy, nyy
-    normal[2, 0], normal[2, 1], normal[2, 2] = nxz, nyz, nzz
-    return total
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _moving_sums(theta, work, gps_variance, range_variance, rounds, normal, right):
-    """The same of a moving beacon."""
-    px, py, pz, vx, vy, vz = theta[0], theta[1], theta[2], theta[3], theta[4], theta[5]
-    total = r0 = r1 = r2 = r3 = r4 = r5 = 0.0
-    n00 = n10 = n11 = n20 = n21 = n22 = n30 = n31 = n32 = n33 = n40 = n41 = n42 = n43 = n44 = 0.0
-    n50 = n51 = n52 = n53 = n54 = n55 = 0.0
-    for n in range(work.shape[1]):
-        t1, t2 = work[1, n], work[2, n]
-        ux1, uy1, ux2, uy2, uz1, uz2, miss, root = _rest(
-            work[3, n] - px - t1 * vx, work[4, n] - py - t1 * vy, pz + t1 * vz - work[5, n],
-            work[6, n] - px - t2 * vx, work[7, n] - py - t2 * vy, pz + t2 * vz - work[8, n],
-            work[9, n], gps_variance, range_variance, rounds,
-        )  # fmt: skip
-        root *= work[0, n]
-        miss *= root
-        b0, b1, b2 = (ux2 - ux1) * root, (uy2 - uy1) * root, (uz1 - uz2) * root
-        t1, t2 = t1 * root, t2 * root
-        b3, b4, b5 = t2 * ux2 - t1 * ux1, t2 * uy2 - t1 * uy1, t1 * uz1 - t2 * uz2
-        total += miss * miss
-        r0, r1, r2, r3, r4, r5 = (
-            r0 + b0 * miss, r1 + b1 * miss, r2 + b2 * miss, r3 + b3 * miss, r4 + b4 * miss, r5 + b5 * miss
-        )  # fmt: skip
-        n00, n10, n11 = n00 + b0 * b0, n10 + b1 * b0, n11 + b1 * b1
-        n20, n21, n22 = n20 + b2 * b0, n21 + b2 * b1, n22 + b2 * b2
-        n30, n31, n32, n33 = n30 + b3 * b0, n31 + b3 * b1, n32 + b3 * b2, n33 + b3 * b3
-        n40, n41, n42, n43, n44 = n40 + b4 * b0, n41 + b4 * b1, n42 + b4 * b2, n43 + b4 * b3, n44 + b4 * b4
-        n50, n51, n52 = n50 + b5 * b0, n51 + b5 * b1, n52 + b5 * b2
-        n53, n54, n55 = n53 + b5 * b3, n54 + b5 * b4, n55 + b5 * b5
-    right[0], right[1], right[2], right[3], right[4], right[5] = -r0, -r1, -r2, -r3, -r4, -r5
-    normal[0, 0], normal[1, 0], normal[1, 1] = n00, n10, n11
-    normal[2, 0], normal[2, 1], normal[2, 2] = n20, n21, n22
-    normal[3, 0], normal[3, 1], normal[3, 2], normal[3, 3] = n30, n31, n32, n33
-    normal[4, 0], normal[4, 1], normal[4, 2], normal[4, 3], normal[4, 4] = n40, n41, n42, n43, n44
-    normal[5, 0], normal[5, 1], normal[5, 2] = n50, n51, n52
-    normal[5, 3], normal[5, 4], normal[5, 5] = n53, n54, n55
-    return total
-
-
-@compiled
-def _normal_equations(theta, work, gps_variance, range_variance, normal, right):
-    x, y, z = work[3, 0] - theta[0], work[4, 0] - theta[1], work[5, 0] - theta[2]
-    far = x * x + y * y + z * z > FAR**2 * gps_variance
-    if len(theta) == 3:
-        if far:
-            return _still_sums(theta, work, gps_variance, range_variance, ONE_ROUND, normal, right)
-        return _still_sums(theta, work, gps_variance, range_variance, TWO_ROUNDS, normal, right)
-    if far:
-        return _moving_sums(theta, work, gps_variance, range_variance, ONE_ROUND, normal, right)
-    return _moving_sums(theta, work, gps_variance, range_variance, TWO_ROUNDS, normal, right)
-
-
-@compiled
-def _factor(normal, damping, lower):
-    """Fills lower with L of L D L' = normal + damping diag(normal), on its diagonal 1 / D; whether it could."""
+def _factor(normal, bend, damping, lower):
+    """Fills lower with L of L D L' = normal + bend + damping diag(normal), on its diagonal 1 / D; whether it could."""
     unknowns = len(normal)
     for i in range(unknowns):
         for j in range(i):
-            value = normal[i, j]
+            value = normal[i, j] + bend[i, j]
             for k in range(j):
                 value -= lower[i, k] * lower[j, k]
             lower[i, j] = value  # times D until the row is done
-        pivot = normal[i, i] * (1 + damping)
+        pivot = normal[i, i] * (1 + damping) + bend[i, i]
         for j in range(i):
             scaled = lower[i, j] * lower[j, j]
             pivot -= lower[i, j] * scaled
@@ -239,6 +98,12 @@ def _factor(normal, damping, lower):
 def _copy(values, to):
     for k in range(len(values)):  # quicker than a slice of so few
         to[k] = values[k]
+
+
+@compiled
+def _copy_rows(matrix, to):
+    for row in range(len(matrix)):
+        _copy(matrix[row], to[row])
 
 
 @compiled
@@ -263,8 +128,10 @@ def _try(theta, move, limits, trial):
     outside = False
     for k in range(len(theta)):
         trial[k] = theta[k] + move[k]
-    if trial[2] > limits[1, 2]:  # above the surface: the same squares as below it
+    if trial[2] > limits[1, 2]:  # above the surface: the same squares as below it, sinking for rising
         trial[2] = 2 * limits[1, 2] - trial[2]
+        for k in range(5, len(theta)):
+            trial[k] = -trial[k]
     for k in range(len(theta)):
         trial[k] = min(max(trial[k], limits[0, k]), limits[1, k])
         outside |= trial[k] <= limits[0, k] or trial[k] >= limits[1, k]
@@ -272,15 +139,91 @@ def _try(theta, move, limits, trial):
 
 
 @compiled
-def _descend(theta, work, gps_variance, range_variance, limits, scratch, covariance):
-    """Damped Gauss-Newton steps from theta, in place: sum of squares, steps taken, whether it came to rest."""
-    normal, normal_there, lower, right, right_there, move, trial = scratch
-    total = _normal_equations(theta, work, gps_variance, range_variance, normal, right)
-    damping, rest, outside = 0.0, False, False
+def _fill_bend(theta, work, gps_variance, range_variance, normal, right, spare, bend):
+    """Fills bend with half the second derivatives of the squares less the normal matrix, by differences."""
+    normal_there, right_there, trial = spare
+    for k in range(len(theta)):
+        _copy(theta, trial)
+        trial[k] += NEAR / np.sqrt(normal[k, k])
+        normal_equations(trial, work, gps_variance, range_variance, normal_there, right_there)
+        for i in range(len(theta)):
+            bend[i, k] = (right[i] - right_there[i]) / (trial[k] - theta[k])
+    for i in range(len(theta)):
+        for k in range(i + 1):
+            bend[i, k] = (bend[i, k] + bend[k, i]) / 2 - normal[i, k]
+
+
+@compiled
+def _apart(theta, known, normal):
+    """Squared distance of two places in standard errors."""
+    square = 0.0
+    for i in range(len(theta)):
+        row = normal[i, i] * (theta[i] - known[i]) / 2
+        for k in range(i):
+            row += normal[i, k] * (theta[k] - known[k])
+        square += 2 * row * (theta[i] - known[i])
+    return square
+
+
+@compiled
+def _is_known(theta, rests, known, normal):
+    """Whether a place is beside one of the first places of rest."""
+    nearest = np.inf
+    for k in range(known):
+        nearest = min(nearest, _apart(theta, rests[k], normal))
+    return nearest < SAME
+
+
+@compiled
+def _leads_nowhere(theta, total, gain, slow, normal, limits, rests, known, best):
+    """Whether a descent nears a place of rest that is known or one above the best, or the surface."""
+    if gain < 1 and _is_known(theta, rests, known, normal):
+        return True
+    if total > best and (slow or gain < WORTH * (total - best)):
+        return True
+    return normal[2, 2] * limits[0, 2] ** 2 < 1  # nothing tells the depth
+
+
+@compiled
+def _zero(matrix):
+    for i in range(len(matrix)):
+        for k in range(i + 1):
+            matrix[i, k] = 0.0
+
+
+@compiled
+def _invert(normal, bend, lower, right, covariance):
+    """Fills covariance with the inverse of a normal matrix; whether it has one."""
+    _zero(bend)
+    if not _factor(normal, bend, 0.0, lower):
+        return False
+    for column in range(len(right)):
+        for k in range(len(right)):
+            right[k] = 1.0 if k == column else 0.0
+        _substitute(lower, right, covariance[column])
+    return True
+
+
+@compiled
+def _descend(theta, work, gps_variance, range_variance, limits, scratch, covariance, rests, known, best):
+    """Damped steps from theta, in place: sum of squares, steps taken, whether it came to rest.
+
+    Gauss-Newton steps as long as they gain fast, then those of Newton; second derivatives serve several steps.
+    A rest is an undamped one. Where some rests are known, with best the lowest, only a lower one is looked for.
+    """
+    normal, normal_there, bend, lower, right, right_there, move, trial = scratch
+    total = normal_equations(theta, work, gps_variance, range_variance, normal, right)
+    _zero(bend)
+    damping, gain, rest, slow, stale = 0.0, np.inf, False, False, False
     step = pressed = 0
     while step < STEPS and np.isfinite(total):
         step += 1
-        if not _factor(normal, damping, lower):
+        if slow and stale:
+            spare = normal_there, right_there, trial
+            _fill_bend(theta, work, gps_variance, range_variance, normal, right, spare, bend)
+            step += len(theta)
+            stale = False
+        if not _factor(normal, bend, damping, lower):
             damping = max(10 * damping, CAREFUL)
             if damping > 1e12:
                 break
@@ -296,26 +239,26 @@ def _descend(theta, work, gps_variance, range_variance, limits, scratch, covaria
         pressed = pressed + 1 if outside else 0
         if pressed > PRESSED:
             break
-        if small < AT_REST:
+        if small < AT_REST and damping == 0.0:
             _copy(trial, theta)
             rest = not outside
             break
-        there = _normal_equations(trial, work, gps_variance, range_variance, normal_there, right_there)
-        if there <= total * (1 + ROUNDING):
-            _copy(trial, theta)
-            total = there
-            normal, normal_there = normal_there, normal
-            right, right_there = right_there, right
-            damping = 0.0 if damping < 1e-6 else damping / 10
-        else:
+        there = normal_equations(trial, work, gps_variance, range_variance, normal_there, right_there)
+        if there > total * (1 + ROUNDING) or not np.isfinite(there):
             damping = max(10 * damping, CAREFUL)
-    if not _factor(normal, 0.0, lower):
-        return total, step, False
-    for column in range(len(theta)):
-        for k in range(len(theta)):
-            right[k] = 1.0 if k == column else 0.0
-        _substitute(lower, right, covariance[column])
-    return total, step, rest
+            continue
+        _copy(trial, theta)
+        damping = 0.0 if damping < 1e-6 or small < AT_REST else damping / 10
+        normal, normal_there = normal_there, normal
+        right, right_there = right_there, right
+        tardy = total - there > TARDY * gain
+        gain, total = total - there, there
+        if slow and gain > SLOW:
+            _zero(bend)
+        slow, stale = gain < SLOW and (slow or tardy), tardy or not slow
+        if _leads_nowhere(theta, total, gain, slow, normal, limits, rests, known, best):
+            break
+    return total, step, rest and _invert(normal, bend, lower, right, covariance)
 
 
 @compiled
@@ -345,13 +288,26 @@ def _dot(rows, i, j):
 
 
 @compiled
+def _keep_inside(theta, limits):
+    for k in range(len(theta)):
+        theta[k] = min(max(theta[k], 0.9 * limits[0, k]), 0.9 * limits[1, k])
+
+
+@compiled
 def _linear_place(theta, moving, ship, ranges, columns, scratch, limits):
     """Fills theta from equations linear in place, velocity, c0 and the remaining squares; whether they tell it.
 
     |r|^2 - (C T)^2 = 2 r p + 2 t r v - 2 C T c0 - K0 (- K1 t - K2 t^2) by least squares, about the means of all.
     """
     size = MOVING_COLUMNS if moving else STILL_COLUMNS
-    normal, lower, right, solved, mean = scratch[0], scratch[2], scratch[3], scratch[5], scratch[6]
+    normal, bend, lower, right, solved, mean = (
+        scratch[0],
+        scratch[2],
+        scratch[3],
+        scratch[4],
+        scratch[6],
+        scratch[7],
+    )
     count, last = len(ranges), len(columns) - 1
     east = north = height = middle = 0.0
     for n in range(count):
@@ -372,7 +328,7 @@ def _linear_place(theta, moving, ship, ranges, columns, scratch, limits):
         right[i] = _dot(columns, i, last) - count * mean[i] * mean_known
         for j in range(i + 1):
             normal[i, j] = _dot(columns, i, j) - count * mean[i] * mean[j]
-    if not _factor(normal[:size, :size], 0.0, lower):
+    if not _factor(normal[:size, :size], bend[:size, :size], 0.0, lower):
         return False
     _substitute(lower, right[:size], solved)
     p0, p1, c0 = solved[0] / 2, solved[1] / 2, -solved[2] / 2
@@ -388,8 +344,7 @@ def _linear_place(theta, moving, ship, ranges, columns, scratch, limits):
         theta[5] = (solved[5] / 2 + p0 * theta[3] + p1 * theta[4]) / depth
         if not abs(theta[5]) < limits[1, 5]:
             theta[5] = 0.0
-    for k in range(len(theta)):
-        theta[k] = min(max(theta[k], 0.9 * limits[0, k]), 0.9 * limits[1, k])
+    _keep_inside(theta, limits)
     return np.isfinite(square)
 
 
@@ -397,13 +352,37 @@ def _linear_place(theta, moving, ship, ranges, columns, scratch, limits):
 def _place_start(theta, attempt, ship, ranges, start, columns, linear, limits):
     """Fills theta with the place that an attempt starts from; whether there is one."""
     moving = len(start) == 6
-    if attempt == 0 or (attempt == 1 and moving):
+    if attempt == 0 or (attempt == 2 and moving):
         return _linear_place(theta, moving and attempt == 0, ship, ranges, columns, linear, limits)
     _copy(start, theta)
-    if attempt > 2:
-        theta[0] = limits[(attempt - 3) % 2, 0] / 2
-        theta[1] = limits[(attempt - 3) // 2, 1] / 2
-    return attempt > 1
+    beside, turned = 0.4 * start[2], (attempt - 3) % 4
+    if attempt > 6:
+        theta[turned % 2] += beside if turned < 2 else -beside
+    elif attempt > 2:
+        theta[0] += beside if turned % 2 == 0 else -beside
+        theta[1] += beside if turned < 2 else -beside
+        theta[2] /= 2
+    _keep_inside(theta, limits)
+    return attempt != 2
+
+
+@compiled
+def _is_doubtful(theta, covariance, steps, work):
+    """Whether a place of rest is known too badly, and was too hard to find, for the only one."""
+    moving = 1 if len(theta) == 6 else 0
+    x, y, z = work[3, 0] - theta[0], work[4, 0] - theta[1], work[5, 0] - theta[2]
+    variance = covariance[0, 0] + covariance[1, 1] + covariance[2, 2]
+    return steps > PROMPT[moving] and variance > DOUBTFUL[moving] ** 2 * (x * x + y * y + z * z)
+
+
+@compiled
+def _step_along(theta, rest, covariance, side, limits):
+    """Fills theta with the likeliest place where the depth is some standard errors from that of a rest."""
+    for k in range(len(theta)):
+        theta[k] = rest[k] + side * covariance[2, k] / np.sqrt(covariance[2, 2])
+    if theta[2] > limits[1, 2]:
+        theta[2] = 2 * limits[1, 2] - theta[2]
+    _keep_inside(theta, limits)
 
 
 @compiled
@@ -412,20 +391,30 @@ def _best_descent(
     covariance,
 ):  # fmt: skip
     """The lowest place that any start leads to: misfit, steps taken in all, whether it is at rest."""
-    unknowns = len(estimate)
-    degrees = count - unknowns
-    theta, there = place
-    best, found, taken = np.inf, False, 0
-    for attempt in range(ATTEMPTS):
-        if not _place_start(theta, attempt, ship, ranges, start, columns, linear, limits):
-            continue
-        total, steps, rest = _descend(theta, work, gps_variance, range_variance, limits, scratch, there)
-        taken += steps
-        if (rest and not found) or (rest == found and total < best):
-            best, found = total, rest
-            _copy(theta, estimate)
-            for row in range(unknowns):
-                _copy(there[row], covariance[row])
-        if found and best < degrees + EXPLAINED * np.sqrt(2.0 * degrees):
+    still, degrees = len(estimate) == 3, count - len(estimate)
+    explained = degrees + EXPLAINED * np.sqrt(2.0 * degrees)
+    theta, there, rests, first = place
+    best, lowest, known, taken, doubtful = np.inf, np.inf, 0, 0, False
+    for attempt in range(min(max(FEWEST_ATTEMPTS, count // 4), ATTEMPTS)):
+        if lowest < explained and (not doubtful or (still and attempt > 6)):
             break
-    return best, taken, found
+        if still and known > 0 and 2 < attempt < 7:
+            _step_along(theta, rests[0], first, ALONG[attempt - 3], limits)
+        elif not _place_start(theta, attempt, ship, ranges, start, columns, linear, limits):
+            continue
+        total, steps, rest = _descend(
+            theta, work, gps_variance, range_variance, limits, scratch, there, rests, known, lowest
+        )
+        taken += steps
+        if (rest and known == 0) or (rest == (known > 0) and total < best):
+            best = total
+            _copy(theta, estimate)
+            _copy_rows(there, covariance)
+        if rest:
+            if known == 0:
+                _copy_rows(there, first)
+            lowest = min(lowest, total)
+            doubtful |= _is_doubtful(theta, there, steps, work)
+            _copy(theta, rests[known])
+            known += 1
+    return best, taken, known > 0

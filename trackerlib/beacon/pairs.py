@@ -88,8 +88,9 @@ def fix_pairs(
     gps_rms_m, range_rms_m : sigma of a position (each axis) and of speed of sound times arrival time
     box, start : search region (2-48) and first guess (4-6); velocities start at zero unless given
 
-    A fix starts from equations that are linear in squared ranges, then from `start`, then from `start` moved
-    into each quarter of the box, until one comes to rest at a misfit that the noise explains; the least is kept.
+    A fix starts from equations that are linear in squared ranges, then from `start`, then from places about it, until
+    one comes to rest at a misfit that the noise explains. Where that place is known badly and was hard to find, all
+    are tried, for there may be several minima; the least is kept. At the surface, where no depth is told, none rests.
     Fewer experiments than unknowns plus one is `converged` false.
     Raises ValueError for shapes that do not fit and for noise that is not positive.
     """
