@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 from bokeh.core.properties import value
-from bokeh.models import ColumnDataSource, HoverTool, Range1d, Span
+from bokeh.models import (
+    BoxSelectTool,
+    BoxZoomTool,
+    ColumnDataSource,
+    CustomJS,
+    HoverTool,
+    LassoSelectTool,
+    Range1d,
+    Span,
+)
 from bokeh.plotting import figure
 
 from dashboards.palette import BEFORE, COMPONENTS, FIRST_ARRAY, REJECTED, SECOND_ARRAY, SHIP
@@ -36,6 +45,9 @@ VERSIONS = (("x", FIRST_ARRAY, "first array", "circle"), ("y", SECOND_ARRAY, "se
 LOOK_COLUMNS = ("used", "markx", "marky", "inkx", "inky", "edgex", "edgey")
 # What sliders move is painted over the rest, by itself: Bokeh then leaves axes and grids as they are.
 MOVING = "overlay"
+# Bokeh keeps an empty element about the points of each renderer, and at every paint a style sheet of its place. Out of
+# the page, it makes that style nothing and lay nothing out anew as the points move.
+TAKE_OUT = "for (const one of moving) Bokeh.index.find_one(one)?.el.remove()"
 
 
 class TrackViews:
@@ -56,6 +68,7 @@ class TrackViews:
         self.vector_scale = 0.0  # gap vectors are drawn so many times their length; 0: not at all
         self._centre, self._course = np.zeros(3), np.array([1.0, 0.0])
         # What the legend names, in its order: its renderers in plan and side view.
+        self._moving = []
         self._named = {REPORTED: [], VERSIONS[0][2]: [], GAP: [], VERSIONS[1][2]: []}
         self.plan = self._view(
             "plan",
@@ -77,6 +90,8 @@ class TrackViews:
         self.side_home = equal_scale(self.side)
         self._entries = self._legend()
         self.gap = self._gap()
+        moving = [*self._moving, *self._gap_dots]
+        self.points.js_on_change("data", CustomJS(args={"moving": moving}, code=TAKE_OUT))
         self.aspect(plan=True, side=False)
 
     # -- figures -------------------------------------------------------------------------------
@@ -110,12 +125,14 @@ class TrackViews:
                 nonselection_alpha=0.15,
                 level=MOVING,
             )
+            self._moving.append(dots)
             self._named[REPORTED].append(before)
             self._named[label] += [line, dots]
             where = f"@{letter}0{{0.0}}, @{letter}1{{0.0}}, @{letter}2{{0.0}} ft"
             tips = [("count", "@count"), (label, where), ("file line", f"@line{letter}"), ("", "@used")]
             fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
         fig.yaxis.formatter.use_scientific = fig.xaxis.formatter.use_scientific = False
+        _lower_frames(fig)
         return fig
 
     def _legend(self) -> dict:
@@ -161,6 +178,7 @@ class TrackViews:
         style_legend(fig)
         fig.legend.orientation = "horizontal"
         fig.add_layout(fig.legend[0], "above")
+        _lower_frames(fig)
         return fig
 
     # -- data ----------------------------------------------------------------------------------
@@ -278,6 +296,13 @@ class TrackViews:
         room = 0.05 * np.ptp(along) + 5.0, 0.2 * np.ptp(heights) + 5.0
         box = (along.min() - room[0], along.max() + room[0], heights.min() - room[1], heights.max() + room[1])
         self.side_home.tags = [*map(float, box), self.side_home.tags[4]]
+
+
+def _lower_frames(fig) -> None:
+    """Draws what tools drag, such as a box, beneath what moves: else it is styled anew whenever that is painted."""
+    for kind in (BoxZoomTool, BoxSelectTool, LassoSelectTool):
+        for tool in fig.select(type=kind):
+            tool.overlay.level = "annotation"
 
 
 def _set_range(axis: Range1d, values: np.ndarray, room: float = 0.2) -> None:

@@ -68,7 +68,7 @@ def test_sliders_stretch_both_tracks_as_the_library_does(tab):
     assert np.abs(drawn(tab, "x") - x).max() < 0.01
     assert np.abs(drawn(tab, "y") - y).max() < 0.01
     assert np.abs(tab.views.points.data["gap0"] - (x - y)[:, 0]).max() < 0.01
-    assert "At the sliders the gap is" in tab.words.object
+    assert "At the sliders the gap is" in tab.sliders_words.object
 
 
 def test_only_places_are_sent_while_a_slider_moves(tab):
