@@ -78,6 +78,13 @@ def test_only_places_are_sent_while_a_slider_moves(tab):
     assert tab.views.points.data["x0"].dtype == np.float32
 
 
+def test_no_legend_leads_to_what_sliders_move(tab):
+    # Bokeh builds a legend again whenever anything changes that its entries lead to.
+    for fig in (tab.views.plan, tab.views.gap):
+        assert len(fig.legend[0].items) >= 3
+        assert not any(tab.views.points in item.references() for item in fig.legend[0].items)
+
+
 def test_zero_shows_the_tracks_as_reported_and_fit_goes_back(tab):
     fitted = tab.offset_ms.value
     tab.zero.clicks += 1
