@@ -67,8 +67,8 @@ class TrackViews:
         self.vectors = ColumnDataSource({name: [] for name in VECTOR_COLUMNS}, name="vectors")
         self.vector_scale = 0.0  # gap vectors are drawn so many times their length; 0: not at all
         self._centre, self._course = np.zeros(3), np.array([1.0, 0.0])
+        self._moving = []  # renderers of plan and side view that sliders move
         # What the legend names, in its order: its renderers in plan and side view.
-        self._moving = []
         self._named = {REPORTED: [], VERSIONS[0][2]: [], GAP: [], VERSIONS[1][2]: []}
         self.plan = self._view(
             "plan",
@@ -90,8 +90,8 @@ class TrackViews:
         self.side_home = equal_scale(self.side)
         self._entries = self._legend()
         self.gap = self._gap()
-        moving = [*self._moving, *self._gap_dots]
-        self.points.js_on_change("data", CustomJS(args={"moving": moving}, code=TAKE_OUT))
+        take_out = CustomJS(args={"moving": [*self._moving, *self._gap_dots]}, code=TAKE_OUT)
+        self.points.js_on_change("data", take_out)
         self.aspect(plan=True, side=False)
 
     # -- figures -------------------------------------------------------------------------------
