@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from bokeh.events import LegendItemClick
 from bokeh.models import CustomJS, Legend, LegendItem
 
 LEGEND = {
@@ -14,6 +15,10 @@ LEGEND = {
     "glyph_height": 14,
     "background_fill_alpha": 0.7,
 }
+# Bokeh tells of the click before it hides the mark.
+FOLLOW = """
+if (cb_obj.item.renderers[0] === mark) setTimeout(() => { for (const one of shown) one.visible = mark.visible })
+"""
 THEMED = ("label_text_font_size", "spacing", "glyph_height", "background_fill_alpha")
 
 
@@ -32,15 +37,17 @@ def legend_entry(fig, label: str, shown: list, *, line: bool = False, visible: b
     """A legend entry with a mark of its own; a click on it hides or shows the renderers it stands for.
 
     line : the mark is a piece of line, not a dot
-    The mark stands for itself because Bokeh draws the legend of a data-coloured renderer from its data,
-    and fails when these grow fewer or are none.
+    The mark stands for itself because Bokeh draws the legend of a data-coloured renderer from its data, fails when
+    these grow fewer or are none, and builds the legend again at every change of anything that its entries lead to.
+    A link from the mark to what it stands for would be such a lead: so the legend's click is followed instead.
     """
     drawn = fig.line if line else fig.scatter
     mark = drawn([np.nan], [np.nan], **mark)
-    for renderer in shown:
-        mark.js_link("visible", renderer, "visible")
     if not fig.legend:
         fig.add_layout(Legend())
     entry = LegendItem(label=label, renderers=[mark], visible=visible)
+    if shown:
+        follow = CustomJS(args={"mark": mark, "shown": shown}, code=FOLLOW)
+        fig.legend[0].js_on_event(LegendItemClick, follow)
     fig.legend[0].items.append(entry)
     return entry

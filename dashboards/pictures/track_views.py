@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 from bokeh.core.properties import value
-from bokeh.models import ColumnDataSource, HoverTool, Range1d, Span
+from bokeh.models import (
+    BoxSelectTool,
+    BoxZoomTool,
+    ColumnDataSource,
+    CustomJS,
+    HoverTool,
+    LassoSelectTool,
+    Range1d,
+    Span,
+)
 from bokeh.plotting import figure
 
 from dashboards.palette import BEFORE, COMPONENTS, FIRST_ARRAY, REJECTED, SECOND_ARRAY, SHIP
-from dashboards.pictures.legend import style_legend
+from dashboards.pictures.legend import legend_entry, style_legend
 from dashboards.pictures.mercator import equal_scale
 from trackerlib.crossover.gaps import course_of, distance_along, heading_of, summarise_gap
 from trackerlib.crossover.pairs import CrossoverSet
@@ -32,10 +41,13 @@ AXIS_NAMES = ("downrange", "crossrange", "vertical")
 REPORTED = "as reported"
 GAP = "gap"
 VERSIONS = (("x", FIRST_ARRAY, "first array", "circle"), ("y", SECOND_ARRAY, "second array", "square"))
-# What a point left out changes: its word, and for either version its mark and its colour.
-LOOK_COLUMNS = ("used", "markx", "marky", "inkx", "inky")
+# What a point left out changes: its word, and for either version its mark, its colour and that of its outline.
+LOOK_COLUMNS = ("used", "markx", "marky", "inkx", "inky", "edgex", "edgey")
 # What sliders move is painted over the rest, by itself: Bokeh then leaves axes and grids as they are.
 MOVING = "overlay"
+# Bokeh keeps an empty element about the points of each renderer, and at every paint a style sheet of its place. Out of
+# the page, it makes that style nothing and lay nothing out anew as the points move.
+TAKE_OUT = "for (const one of moving) Bokeh.index.find_one(one)?.el.remove()"
 
 
 class TrackViews:
@@ -55,6 +67,9 @@ class TrackViews:
         self.vectors = ColumnDataSource({name: [] for name in VECTOR_COLUMNS}, name="vectors")
         self.vector_scale = 0.0  # gap vectors are drawn so many times their length; 0: not at all
         self._centre, self._course = np.zeros(3), np.array([1.0, 0.0])
+        self._moving = []  # renderers of plan and side view that sliders move
+        # What the legend names, in its order: its renderers in plan and side view.
+        self._named = {REPORTED: [], VERSIONS[0][2]: [], GAP: [], VERSIONS[1][2]: []}
         self.plan = self._view(
             "plan",
             "downrange (ft)",
@@ -72,9 +87,11 @@ class TrackViews:
             x_range=Range1d(0, 1000),
             y_range=Range1d(-1000, 0),
         )
-        self.side.legend.visible = False  # the plan's says it
         self.side_home = equal_scale(self.side)
+        self._entries = self._legend()
         self.gap = self._gap()
+        take_out = CustomJS(args={"moving": [*self._moving, *self._gap_dots]}, code=TAKE_OUT)
+        self.points.js_on_change("data", take_out)
         self.aspect(plan=True, side=False)
 
     # -- figures -------------------------------------------------------------------------------
@@ -91,40 +108,44 @@ class TrackViews:
         )
         for letter, colour, label, marker in VERSIONS:
             h, v = (letter + axis for axis in axes)
-            fig.scatter(
-                h,
-                v,
-                source=self.before,
-                size=4,
-                color=BEFORE,
-                alpha=0.5,
-                marker=marker,
-                legend_label=REPORTED,
-            )
-            fig.line(h, v, source=self.lines, color=colour, line_width=1, legend_label=label)
+            before = fig.scatter(h, v, source=self.before, size=4, color=BEFORE, alpha=0.5, marker=marker)
+            line = fig.line(h, v, source=self.lines, color=colour, line_width=1)
             if letter == "x" and name == "plan":
                 ends = (f"{end}{axis}" for end in ("begin", "end") for axis in axes)
-                fig.segment(*ends, source=self.vectors, line_color=SHIP, line_alpha=0.7, legend_label=GAP)
+                vectors = fig.segment(*ends, source=self.vectors, line_color=SHIP, line_alpha=0.7)
+                self._named[GAP].append(vectors)
             dots = fig.scatter(
                 h,
                 v,
                 source=self.points,
-                size=5,
-                color=f"ink{letter}",
+                size=6,
+                fill_color=f"ink{letter}",
+                line_color=f"edge{letter}",
                 marker=f"mark{letter}",
-                legend_label=label,
                 nonselection_alpha=0.15,
                 level=MOVING,
             )
+            self._moving.append(dots)
+            self._named[REPORTED].append(before)
+            self._named[label] += [line, dots]
             where = f"@{letter}0{{0.0}}, @{letter}1{{0.0}}, @{letter}2{{0.0}} ft"
             tips = [("count", "@count"), (label, where), ("file line", f"@line{letter}"), ("", "@used")]
             fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
         fig.yaxis.formatter.use_scientific = fig.xaxis.formatter.use_scientific = False
-        for item in fig.legend[0].items:
-            item.tags = [item.label.value]
-            item.visible = item.label.value not in (REPORTED, GAP)
-        style_legend(fig)
+        _lower_frames(fig)
         return fig
+
+    def _legend(self) -> dict:
+        """The plan's legend, for the side view too: its entries by name."""
+        marks = {REPORTED: {"size": 4, "color": BEFORE, "alpha": 0.5, "marker": "square"}}
+        marks |= {label: {"size": 6, "color": ink, "marker": mark} for _, ink, label, mark in VERSIONS}
+        marks[GAP] = {"line": True, "line_color": SHIP, "line_alpha": 0.7}
+        entries = {
+            name: legend_entry(self.plan, name, shown, visible=name not in (REPORTED, GAP), **marks[name])
+            for name, shown in self._named.items()
+        }
+        style_legend(self.plan)
+        return entries
 
     def _gap(self):
         self._gap_dots = []
@@ -146,17 +167,18 @@ class TrackViews:
                 size=5,
                 color=colour,
                 line_color=None,
-                legend_label=label,
                 nonselection_fill_alpha=0.15,
                 level=MOVING,
             )
             tips = [("count", "@count"), (label, f"@{column}{{0.0}} ft"), ("", "@used")]
             self._gap_dots.append(dots)
+            legend_entry(fig, label, [dots], size=5, color=colour, line_color=None)
             fig.add_tools(HoverTool(renderers=[dots], tooltips=tips))
         fig.add_layout(Span(location=0, dimension="width", line_color=REJECTED, line_width=1))
         style_legend(fig)
         fig.legend.orientation = "horizontal"
         fig.add_layout(fig.legend[0], "above")
+        _lower_frames(fig)
         return fig
 
     # -- data ----------------------------------------------------------------------------------
@@ -208,9 +230,7 @@ class TrackViews:
     def _draw_vectors(self) -> None:
         data = self.points.data
         shown = self.vector_scale > 0 and len(data["count"]) > 0
-        for item in self.plan.legend[0].items:
-            if item.tags[0] == GAP:
-                item.update(label=value(f"gap, {self.vector_scale:g} times as long"), visible=shown)
+        self._entries[GAP].update(label=value(f"gap, {self.vector_scale:g} times as long"), visible=shown)
         columns = {}
         for axis in "01":
             x, y = (np.asarray(data[f"{letter}{axis}"], float) if shown else np.zeros(0) for letter in "xy")
@@ -238,10 +258,7 @@ class TrackViews:
         self.before.data = self._tracks(
             *((empty, empty) if crossover is None else (crossover.x, crossover.y))
         )
-        for fig in (self.plan, self.side):
-            for item in fig.legend[0].items:
-                if item.tags[0] == REPORTED:
-                    item.visible = crossover is not None
+        self._entries[REPORTED].visible = crossover is not None
 
     def _tracks(self, x: np.ndarray, y: np.ndarray) -> dict:
         """Columns of both tracks, single precision: a twentieth of an inch at 50,000 ft."""
@@ -257,11 +274,8 @@ class TrackViews:
 
     def _name_arrays(self, pair: tuple[int, int]) -> None:
         """Array numbers in the legends."""
-        names = dict(zip((version[2] for version in VERSIONS), pair, strict=True))
-        for fig in (self.plan, self.side):
-            for item in fig.legend[0].items:
-                if item.tags[0] in names:
-                    item.label = value(f"array {names[item.tags[0]]}")
+        for (_, _, name, _), number in zip(VERSIONS, pair, strict=True):
+            self._entries[name].label = value(f"array {number}")
         self.gap.yaxis.axis_label = f"array {pair[0]} minus {pair[1]} (ft)"
 
     def _frame(self, crossover: CrossoverSet) -> None:
@@ -284,6 +298,13 @@ class TrackViews:
         self.side_home.tags = [*map(float, box), self.side_home.tags[4]]
 
 
+def _lower_frames(fig) -> None:
+    """Draws what tools drag, such as a box, beneath what moves: else it is styled anew whenever that is painted."""
+    for kind in (BoxZoomTool, BoxSelectTool, LassoSelectTool):
+        for tool in fig.select(type=kind):
+            tool.overlay.level = "annotation"
+
+
 def _set_range(axis: Range1d, values: np.ndarray, room: float = 0.2) -> None:
     """Frames some values, now and after a reset, with room for a track that is corrected by a few ms.
 
@@ -299,8 +320,14 @@ def _looks(excluded: np.ndarray, why=None) -> dict:
     columns = {"used": np.where(excluded, "left out", "used") if why is None else np.asarray(why)}
     for letter, colour, _, marker in VERSIONS:
         columns[f"mark{letter}"] = np.where(excluded, "x", marker)
-        columns[f"ink{letter}"] = np.where(excluded, REJECTED, colour)
+        columns[f"ink{letter}"] = np.where(excluded, _rgba(REJECTED), _rgba(colour))
+        columns[f"edge{letter}"] = np.where(excluded, _rgba(REJECTED), np.uint32(0))
     return columns
+
+
+def _rgba(colour: str) -> np.uint32:
+    """A colour as the number that a page need not parse again for every point whenever one moves; 0 is none."""
+    return np.uint32(int(colour[1:] + "ff", 16))
 
 
 def _beside(crossover: CrossoverSet, places, residuals) -> dict:

@@ -58,6 +58,8 @@ class TimingTab(Tab):
         self._doubts = ""  # of the set, as HTML
         self._quiet = False
         self.words, self.run_words, self.numbers = words("14px"), words("14px"), words()
+        self.sliders_words = words("14px")  # apart, so that no other word is laid out while a slider moves
+        self.sliders_words.margin = (-6, 10, 6, 10)
         self._make_controls()
         self._make_pages()
 
@@ -115,7 +117,7 @@ class TimingTab(Tab):
         return self.pages
 
     def answer(self):
-        return pn.Column(self.words, self.run_words, self.numbers, margin=0)
+        return pn.Column(self.words, self.sliders_words, self.run_words, self.numbers, margin=0)
 
     # -- what is shown -------------------------------------------------------------------------
 
@@ -153,7 +155,7 @@ class TimingTab(Tab):
         self._set = None
         self.views.clear()
         self.q.show(None)
-        self.words.object, self.numbers.object = why, ""
+        self.words.object, self.sliders_words.object, self.numbers.object = why, "", ""
 
     def _show_run(self, anew: bool) -> None:
         """What every set's fit says of the run; a run of no great size is fitted unasked."""
@@ -271,11 +273,13 @@ class TimingTab(Tab):
             self.words.object = (
                 f"The gap is {rms:.1f} ft (root mean square). <b>Fit</b> finds the offset that closes it."
             )
+            self.sliders_words.object = ""
             return
         fitted = abs(1e3 * correction.offset_s - self.offset_ms.value) < 5e-4
-        self.words.object = sentence(self._set, correction) + self._in_shadow() + self._doubts + (
-            "" if fitted else f"<br>At the sliders the gap is {rms:.1f} ft; <b>Fit</b> goes back to the best."
-        )  # fmt: skip
+        self.words.object = sentence(self._set, correction) + self._in_shadow() + self._doubts
+        self.sliders_words.object = (
+            "" if fitted else f"At the sliders the gap is {rms:.1f} ft; <b>Fit</b> goes back to the best."
+        )
         self.numbers.object = numbers(correction)
 
     def _in_shadow(self) -> str:

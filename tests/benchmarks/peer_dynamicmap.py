@@ -6,6 +6,7 @@ import holoviews as hv
 import numpy as np
 import panel as pn
 import panel_material_ui as pmui
+from set_of_200 import set_of_200
 
 from dashboards.session import Session
 from trackerlib.timing.correction import corrected_tracks, stretches
@@ -15,7 +16,7 @@ hv.extension("bokeh")
 
 session = Session()
 session.open_range_demo()
-crossover = session.crossover
+crossover = set_of_200(session.survey, session.profile)
 stretch = stretches(crossover, session.survey, session.profile)
 t0 = float(np.mean(crossover.point_count))
 slider = pmui.FloatSlider(label="Offset (ms)", start=-10, end=10, step=0.001, value=0.0)

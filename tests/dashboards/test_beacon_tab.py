@@ -427,9 +427,7 @@ def test_bearing_lines_of_the_chart_lie_across_the_closest_approach(tab):
 def test_a_click_in_the_legend_hides_its_layer(tab):
     legend = tab.map.map.legend[0]
     assert legend.click_policy == "hide"
-    hidden = {
-        item.label.value: {link.args["other"] for link in links(item.renderers[0])} for item in legend.items
-    }
+    hidden = {item.label.value: followers(legend, item.renderers[0]) for item in legend.items}
     layers = {renderer for renderers in hidden.values() for renderer in renderers}
     marks = {item.renderers[0] for item in legend.items}
     assert layers | marks >= {one for one in tab.map.map.renderers if hasattr(one, "glyph")}
@@ -437,9 +435,10 @@ def test_a_click_in_the_legend_hides_its_layer(tab):
         assert hidden[words]
 
 
-def links(mark):
+def followers(legend, mark):
     """What follows the visibility of a legend's mark."""
-    return list(mark.js_property_callbacks["change:visible"])
+    clicks = legend.js_event_callbacks["legend_item_click"]
+    return {one for click in clicks if click.args["mark"] is mark for one in click.args["shown"]}
 
 
 def test_the_live_estimator_replays_beside_the_batch(tab):

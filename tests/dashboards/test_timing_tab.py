@@ -68,7 +68,7 @@ def test_sliders_stretch_both_tracks_as_the_library_does(tab):
     assert np.abs(drawn(tab, "x") - x).max() < 0.01
     assert np.abs(drawn(tab, "y") - y).max() < 0.01
     assert np.abs(tab.views.points.data["gap0"] - (x - y)[:, 0]).max() < 0.01
-    assert "At the sliders the gap is" in tab.words.object
+    assert "At the sliders the gap is" in tab.sliders_words.object
 
 
 def test_only_places_are_sent_while_a_slider_moves(tab):
@@ -76,6 +76,13 @@ def test_only_places_are_sent_while_a_slider_moves(tab):
     tab.offset_ms.value = 1.0
     assert tab.views.points.data["count"] is counts
     assert tab.views.points.data["x0"].dtype == np.float32
+
+
+def test_no_legend_leads_to_what_sliders_move(tab):
+    # Bokeh builds a legend again whenever anything changes that its entries lead to.
+    for fig in (tab.views.plan, tab.views.gap):
+        assert len(fig.legend[0].items) >= 3
+        assert not any(tab.views.points in item.references() for item in fig.legend[0].items)
 
 
 def test_zero_shows_the_tracks_as_reported_and_fit_goes_back(tab):

@@ -70,6 +70,19 @@ def test_two_browsers_never_see_each_others_state(server, open_page):
     assert other.locator(used).first.inner_text() == whole
 
 
+def test_a_click_in_the_legend_hides_a_track_and_shows_it_again(server, open_page):
+    page, record = open_page(server.url)
+    show(page, "Timing")
+    hidden = """() => ['plan', 'side'].map(name => Bokeh.documents[0].get_model_by_name(name).renderers.filter(
+        one => one.data_source.name == 'points' && !one.visible).map(one => one.glyph.marker.field))"""
+    for wanted in ([["marky"], ["marky"]], [[], []]):
+        page.get_by_text("array 12", exact=True).first.click()
+        page.wait_for_function(
+            f"JSON.stringify(({hidden})()) == '{json.dumps(wanted, separators=(',', ':'))}'"
+        )
+    assert record.errors == []
+
+
 def test_the_line_pointed_at_shows_the_ship_on_the_map(server, open_page):
     page, record = open_page(server.url)
     show(page, "Wet-paper chart")
