@@ -141,7 +141,7 @@ def fix_squared_range(
 
 def _variances(gps_rms_m, range_rms_m) -> np.ndarray:
     """Variances (3,) of ship position east, north and of a range."""
-    east, north = (gps_rms_m, gps_rms_m) if np.ndim(gps_rms_m) == 0 else gps_rms_m
+    east, north = (gps_rms_m, gps_rms_m) if isinstance(gps_rms_m, float) else np.broadcast_to(gps_rms_m, 2)
     if not (east >= 0 and north >= 0 and range_rms_m >= 0 and east + north + range_rms_m > 0):
         raise ValueError(
             f"found noise of {gps_rms_m} m and {range_rms_m} m; wanted none below and one above zero"

@@ -110,7 +110,7 @@ def lay_out(ship, smooth, ranges, epochs, origin, span, moving, sums):
     sums : (4 or 8, COLUMNS) filled with sums of smoothed place, range and one (and t times these but the range, t
         squared) times the columns. Instants are counted in `span`; what heights differ by is left out of `KNOWN`.
     """
-    track = _empty_track(len(ship), _highest(ship) - origin[2], moving)
+    track, highest = _empty_track(len(ship), 0.0, moving), 0.0
     used = COLUMNS if moving else STILL_COLUMNS
     sums[:] = 0.0
     for first in range(0, len(ship), BLOCK):
@@ -122,11 +122,13 @@ def lay_out(ship, smooth, ranges, epochs, origin, span, moving, sums):
             _fill_motion(2, columns, told, track.weighted)
             _add_products(track.weighted, columns, 0, 2, used, sums[4:6])
             _add_products(columns[T * BLOCK :], columns, 0, 2, used, sums[6:])
-        _add_heights(columns)
+        highest = max(highest, _add_heights(columns))
     if moving:
         sums[4:7] /= span
         sums[7] /= span * span
-    return track
+    return Track(
+        track.pings, highest, track.width, track.columns, track.told, track.instruments, track.weighted
+    )
 
 
 @_fast
@@ -164,17 +166,14 @@ def _fill_places(ship, east, north, up, columns):
 
 @_fast
 def _add_heights(columns):
+    """Adds squares of heights to what is known; the greatest height, or zero, as they are counted from their mean."""
     for k in range(BLOCK):
         columns[KNOWN * BLOCK + k] += columns[UP * BLOCK + k] ** 2
-
-
-@compiled_with("fast")
-def _highest(ship):
-    flat = ship.reshape(ship.size)
-    highest = flat[2]
-    for n in range(len(ship)):
-        highest = max(highest, flat[3 * n + 2])
-    return highest
+    a = b = c = d = 0.0  # four, as each waits for the one before
+    for k in range(UP * BLOCK, (UP + 1) * BLOCK, 4):
+        a, b = max(a, columns[k]), max(b, columns[k + 1])
+        c, d = max(c, columns[k + 2]), max(d, columns[k + 3])
+    return max(max(a, b), max(c, d))
 
 
 @compiled
