@@ -99,7 +99,8 @@ def test_other_limits_judge_the_pings_of_a_hunt_again(tab):
         session.undo()
     assert until(tab, lambda: len(session.pings) >= heard)
     again = dict(zip(session.pings.number.tolist(), session.pings.lat_deg.tolist(), strict=True))
-    assert {n: again[n] for n in before} == pytest.approx(before, abs=1e-9)
+    # Within a metre: how the receiver's clock goes with that of the positions is known better by now.
+    assert {n: again[n] for n in before} == pytest.approx(before, abs=1e-5)
     assert until(tab, lambda: session.fix is not None and len(session.fix.number) >= heard)
 
 
