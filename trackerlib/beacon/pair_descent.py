@@ -54,7 +54,7 @@ def fix_some(
     work, scratch = experiment_rows(epochs, pairs), _scratch(len(start))
     n = len(start)
     place = np.zeros(n), np.zeros((n, n)), np.zeros((ATTEMPTS, n)), np.zeros((n, n))
-    columns, linear = _columns(epochs, len(start) == 6), _scratch(MOVING_COLUMNS)
+    columns, linear = _columns(epochs), _scratch(MOVING_COLUMNS)
     for k in range(first, last):
         gather_experiments(ship[k], ranges[k], pairs, work)
         misfit[k], iterations[k], converged[k] = _best_descent(
@@ -74,9 +74,8 @@ def _scratch(unknowns):
 
 
 @compiled
-def _factor(normal, bend, damping, lower):
+def _factor(unknowns, normal, bend, damping, lower):
     """Fills lower with L of L D L' = normal + bend + damping diag(normal), on its diagonal 1 / D; whether it could."""
-    unknowns = len(normal)
     for i in range(unknowns):
         for j in range(i):
             value = normal[i, j] + bend[i, j]
@@ -103,13 +102,13 @@ def _copy(values, to):
 @compiled
 def _copy_rows(matrix, to):
     for row in range(len(matrix)):
-        _copy(matrix[row], to[row])
+        for k in range(len(matrix)):
+            to[row, k] = matrix[row, k]
 
 
 @compiled
-def _substitute(lower, right, move):
+def _substitute(unknowns, lower, right, move):
     """Fills move with the solution of L D L' move = right."""
-    unknowns = len(right)
     for i in range(unknowns):
         value = right[i]
         for k in range(i):
@@ -175,13 +174,11 @@ def _is_known(theta, rests, known, normal):
 
 
 @compiled
-def _leads_nowhere(theta, total, gain, slow, normal, limits, rests, known, best):
-    """Whether a descent nears a place of rest that is known or one above the best, or the surface."""
+def _leads_nowhere(theta, total, gain, slow, normal, rests, known, best):
+    """Whether a descent nears a place of rest that is known or one above the best."""
     if gain < 1 and _is_known(theta, rests, known, normal):
         return True
-    if total > best and (slow or gain < WORTH * (total - best)):
-        return True
-    return normal[2, 2] * limits[0, 2] ** 2 < 1  # nothing tells the depth
+    return total > best and (slow or gain < WORTH * (total - best))
 
 
 @compiled
@@ -192,15 +189,25 @@ def _zero(matrix):
 
 
 @compiled
-def _invert(normal, bend, lower, right, covariance):
+def _invert(normal, bend, lower, covariance):
     """Fills covariance with the inverse of a normal matrix; whether it has one."""
+    unknowns = len(normal)
     _zero(bend)
-    if not _factor(normal, bend, 0.0, lower):
+    if not _factor(unknowns, normal, bend, 0.0, lower):
         return False
-    for column in range(len(right)):
-        for k in range(len(right)):
-            right[k] = 1.0 if k == column else 0.0
-        _substitute(lower, right, covariance[column])
+    over = bend  # 1 / L below its diagonal
+    for i in range(unknowns):
+        for j in range(i):
+            value = lower[i, j]
+            for k in range(j + 1, i):
+                value += lower[i, k] * over[k, j]
+            over[i, j] = -value
+    for i in range(unknowns):
+        for j in range(i + 1):
+            value = lower[i, i] * over[i, j] if j < i else lower[i, i]
+            for k in range(i + 1, unknowns):
+                value += over[k, i] * lower[k, k] * over[k, j]
+            covariance[i, j] = covariance[j, i] = value
     return True
 
 
@@ -223,12 +230,12 @@ def _descend(theta, work, gps_variance, range_variance, limits, scratch, covaria
             _fill_bend(theta, work, gps_variance, range_variance, normal, right, spare, bend)
             step += len(theta)
             stale = False
-        if not _factor(normal, bend, damping, lower):
+        if not _factor(len(theta), normal, bend, damping, lower):
             damping = max(10 * damping, CAREFUL)
             if damping > 1e12:
                 break
             continue
-        _substitute(lower, right, move)
+        _substitute(len(theta), lower, right, move)
         small = 0.0  # squared step in standard errors
         for k in range(len(theta)):
             small += right[k] * move[k]
@@ -249,25 +256,26 @@ def _descend(theta, work, gps_variance, range_variance, limits, scratch, covaria
             continue
         _copy(trial, theta)
         damping = 0.0 if damping < 1e-6 or small < AT_REST else damping / 10
-        normal, normal_there = normal_there, normal
-        right, right_there = right_there, right
+        _copy_rows(normal_there, normal)  # quicker than an exchange, which counts who holds each
+        _copy(right_there, right)
         tardy = total - there > TARDY * gain
         gain, total = total - there, there
         if slow and gain > SLOW:
             _zero(bend)
         slow, stale = gain < SLOW and (slow or tardy), tardy or not slow
-        if _leads_nowhere(theta, total, gain, slow, normal, limits, rests, known, best):
+        if normal[2, 2] * limits[0, 2] ** 2 < 1:  # at the surface nothing tells the depth
             break
-    return total, step, rest and _invert(normal, bend, lower, right, covariance)
+        if known > 0 and _leads_nowhere(theta, total, gain, slow, normal, rests, known, best):
+            break
+    return total, step, rest and _invert(normal, bend, lower, covariance)
 
 
 @compiled
-def _columns(epochs, moving):
-    """Room for the columns of `_linear_place` and the known side, those of the epochs alone already there."""
-    columns = np.zeros(((MOVING_COLUMNS if moving else STILL_COLUMNS) + 1, len(epochs)))
-    if moving:
-        columns[5] = epochs
-        columns[6] = epochs**2
+def _columns(epochs):
+    """Room for the columns of `_moving_products` and the known side, those of the epochs alone already there."""
+    columns = np.zeros((MOVING_COLUMNS + 1, len(epochs)))
+    columns[5] = epochs
+    columns[6] = epochs**2
     return columns
 
 
@@ -287,6 +295,44 @@ def _dot(rows, i, j):
     return total
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _still_products(ship, ranges, normal, right, mean):
+    """Fills products of place, range and the known side about their means, and the means; gives that of the known."""
+    flat, count = ship.reshape(ship.size), len(ranges)
+    east, north, near = flat[0], flat[1], ranges[0]
+    sx = sy = sr = sk = xx = yx = yy = rx = ry = rr = xk = yk = rk = 0.0
+    for n in range(count):
+        x, y, r = flat[3 * n] - east, flat[3 * n + 1] - north, ranges[n] - near
+        k = x * x + y * y - r * r
+        sx, sy, sr, sk = sx + x, sy + y, sr + r, sk + k
+        xx, yx, yy = xx + x * x, yx + y * x, yy + y * y
+        rx, ry, rr = rx + r * x, ry + r * y, rr + r * r
+        xk, yk, rk = xk + x * k, yk + y * k, rk + r * k
+    x, y, r, k = sx / count, sy / count, sr / count, sk / count
+    mean[0], mean[1], mean[2] = x, y, r
+    right[0], right[1], right[2] = xk - sx * k, yk - sy * k, rk - sr * k
+    normal[0, 0], normal[1, 0], normal[1, 1] = xx - sx * x, yx - sy * x, yy - sy * y
+    normal[2, 0], normal[2, 1], normal[2, 2] = rx - sr * x, ry - sr * y, rr - sr * r
+    return k
+
+
+@compiled
+def _moving_products(ship, ranges, columns, normal, right, mean):
+    """The same of a moving beacon, with the columns that motion adds."""
+    count, last = len(ranges), MOVING_COLUMNS
+    for n in range(count):
+        x, y, r = ship[n, 0] - ship[0, 0], ship[n, 1] - ship[0, 1], ranges[n] - ranges[0]
+        columns[0, n], columns[1, n], columns[2, n], columns[last, n] = x, y, r, x * x + y * y - r * r
+        columns[3, n], columns[4, n] = columns[5, n] * x, columns[5, n] * y
+    known = _mean(columns, last)
+    for i in range(last):
+        mean[i] = _mean(columns, i)
+        right[i] = _dot(columns, i, last) - count * mean[i] * known
+        for j in range(i + 1):
+            normal[i, j] = _dot(columns, i, j) - count * mean[i] * mean[j]
+    return known
+
+
 @compiled
 def _keep_inside(theta, limits):
     for k in range(len(theta)):
@@ -297,7 +343,8 @@ def _keep_inside(theta, limits):
 def _linear_place(theta, moving, ship, ranges, columns, scratch, limits):
     """Fills theta from equations linear in place, velocity, c0 and the remaining squares; whether they tell it.
 
-    |r|^2 - (C T)^2 = 2 r p + 2 t r v - 2 C T c0 - K0 (- K1 t - K2 t^2) by least squares, about the means of all.
+    |r|^2 - (C T)^2 = 2 r p + 2 t r v - 2 C T c0 - K0 (- K1 t - K2 t^2) by least squares, counted from the first ping
+    and then about the means of all.
     """
     size = MOVING_COLUMNS if moving else STILL_COLUMNS
     normal, bend, lower, right, solved, mean = (
@@ -308,37 +355,22 @@ def _linear_place(theta, moving, ship, ranges, columns, scratch, limits):
         scratch[6],
         scratch[7],
     )
-    count, last = len(ranges), len(columns) - 1
-    east = north = height = middle = 0.0
-    for n in range(count):
-        east += ship[n, 0]
-        north += ship[n, 1]
-        height += ship[n, 2]
-        middle += ranges[n]
-    east, north, height, middle = east / count, north / count, height / count, middle / count
-    for n in range(count):
-        x, y, r = ship[n, 0] - east, ship[n, 1] - north, ranges[n] - middle
-        columns[0, n], columns[1, n], columns[2, n], columns[last, n] = x, y, r, x * x + y * y - r * r
     if moving:
-        for n in range(count):
-            columns[3, n], columns[4, n] = columns[5, n] * columns[0, n], columns[5, n] * columns[1, n]
-    mean_known = _mean(columns, last)
-    for i in range(size):
-        mean[i] = _mean(columns, i)
-        right[i] = _dot(columns, i, last) - count * mean[i] * mean_known
-        for j in range(i + 1):
-            normal[i, j] = _dot(columns, i, j) - count * mean[i] * mean[j]
-    if not _factor(normal[:size, :size], bend[:size, :size], 0.0, lower):
+        known = _moving_products(ship, ranges, columns, normal, right, mean)
+    else:
+        known = _still_products(ship, ranges, normal, right, mean)
+    if not _factor(size, normal, bend, 0.0, lower):
         return False
-    _substitute(lower, right[:size], solved)
+    _substitute(size, lower, right, solved)
     p0, p1, c0 = solved[0] / 2, solved[1] / 2, -solved[2] / 2
-    square = c0 * c0 - p0 * p0 - p1 * p1 - mean_known
+    square = c0 * c0 - p0 * p0 - p1 * p1 - known
     for k in range(size):
         square += mean[k] * solved[k]
     depth = np.sqrt(max(square, 100.0))
     for k in range(len(theta)):
         theta[k] = 0.0
-    theta[0], theta[1], theta[2] = p0 + east, p1 + north, min(height - depth, 0.02 * limits[0, 2])
+    theta[0], theta[1] = p0 + ship[0, 0], p1 + ship[0, 1]
+    theta[2] = min(ship[0, 2] - depth, 0.02 * limits[0, 2])
     if moving:
         theta[3], theta[4] = solved[3] / 2, solved[4] / 2
         theta[5] = (solved[5] / 2 + p0 * theta[3] + p1 * theta[4]) / depth
@@ -411,10 +443,12 @@ def _best_descent(
             _copy(theta, estimate)
             _copy_rows(there, covariance)
         if rest:
-            if known == 0:
-                _copy_rows(there, first)
             lowest = min(lowest, total)
             doubtful |= _is_doubtful(theta, there, steps, work)
+            if known == 0:
+                if lowest < explained and not doubtful:
+                    return best, taken, True
+                _copy_rows(there, first)
             _copy(theta, rests[known])
             known += 1
     return best, taken, known > 0
