@@ -7,7 +7,8 @@ import html
 import numpy as np
 
 from dashboards.session import MODE_NAMES
-from trackerlib.crossover.doubts import set_doubts
+from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.crossover.doubts import profile_doubts, set_doubts
 from trackerlib.crossover.edits import PointEdits
 from trackerlib.crossover.gaps import summarise_gap
 from trackerlib.crossover.gating import GatingResult
@@ -53,10 +54,14 @@ def sentence(crossover: CrossoverSet, gating: GatingResult, simulated: bool, lef
     return words
 
 
-def doubts_words(crossover: CrossoverSet, survey: ArraySurvey) -> str:
-    """What is odd about a set, asked in words, as HTML."""
-    asked = (f"{one[:1].upper()}{one[1:]}" for one in set_doubts(crossover, survey))
-    return "".join(f" <b>{html.escape(one)}</b>" for one in asked)
+def doubts_words(
+    crossover: CrossoverSet, survey: ArraySurvey, profile: SoundSpeedProfile | None = None
+) -> str:
+    """What is odd about a set, and of its profile where one is told, asked in words, as HTML."""
+    doubts = set_doubts(crossover, survey)
+    if profile is not None:
+        doubts = doubts + profile_doubts(profile, survey, crossover.pair)
+    return "".join(f" <b>{html.escape(one[:1].upper() + one[1:])}</b>" for one in doubts)
 
 
 def gap_table(crossover: CrossoverSet) -> str:

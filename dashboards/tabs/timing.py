@@ -195,7 +195,7 @@ class TimingTab(Tab):
             self._refuse(f"<b>This set cannot be corrected:</b> {html.escape(str(error))}.")
             return
         self._set = crossover
-        self._doubts = doubts_words(crossover, session.survey)
+        self._doubts = doubts_words(crossover, session.survey, session.profile)
         self._quiet = True
         if session.gating is not None:
             at = (k for k, one in enumerate(session.gating.sets) if same_set(one, crossover))

@@ -254,6 +254,13 @@ def test_an_uploaded_profile_in_metres_is_asked_about(tab):
     assert tab.session.profile.depth[-1] == pytest.approx(1640.4, abs=0.1)
 
 
+def test_a_profile_that_ends_above_an_array_is_told_beside_the_offset(tab):
+    assert "the profile ends" not in tab.words.object.lower()
+    tab.profile_page.layout.value = "boundary"
+    tab.profile_page._upload(b"depth_ft,speed_ft_per_s\n0,4880\n500,4900\n")
+    assert "The profile ends at 500 ft, and arrays 3, 12 stand deeper" in tab.words.object
+
+
 def test_points_left_out_in_the_other_tab_count_here_too(tab):
     session = tab.session
     before = session.correction
