@@ -25,7 +25,11 @@ Or type the path of a file on the machine that this program runs on: one of any 
 whose days, runs and vehicles can then be chosen in the page's head.
 """
 
-TROUBLE = {"color": "#C62828", "font-weight": "600"}
+TROUBLE = {
+    "border-left": "4px solid #C62828",
+    "padding-left": "8px",
+    "font-weight": "600",
+}  # read in the dark too
 
 
 class OpenDialog:

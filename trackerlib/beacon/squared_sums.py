@@ -40,7 +40,7 @@ class Track(NamedTuple):
     """
 
     pings: int
-    highest: float  # height of the hydrophone
+    highest: float  # the greatest height of the hydrophone
     width: int  # rows of columns a block: those of `COLUMNS`, and an empty one where they are odd in number
     columns: np.ndarray
     told: np.ndarray  # east and north (2 rows) of the ship as the others tell it
