@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import gc
 import html
 import logging
 from datetime import date
-from functools import cache
 from importlib import import_module
 
 import panel as pn
-import panel.io.document
 import panel_material_ui as pmui
 
-from dashboards import guard
+from dashboards import garbage, guard
 from dashboards.keys import Keys
 from dashboards.open_dialog import OpenDialog, RunChoice
 from dashboards.session import Session
@@ -122,23 +119,14 @@ def _without_busy_light(page):
     return page
 
 
-@cache
-def _collect_between_pages() -> None:
-    """Makes Python look for garbage when a page closes, not while one is used: that stops every page for 0.1 s."""
-    gc.collect()
-    gc.freeze()  # what is imported by now is none
-    young, middle, _ = gc.get_threshold()
-    gc.set_threshold(young, middle, 1000)
-    panel.io.document.GC_DEBOUNCE = 1  # s after a page has gone; Panel's 5 come to 10 when several go
-
-
 def serve_page(tabs=TABS) -> None:
     """Builds the page and makes it what is served, or serves the reason why it cannot be built, in words."""
     guard.install()
     warm_in_background()  # started before the first page, so that its first fit finds its kernels
     try:
         extension()
-        _collect_between_pages()
+        garbage.collect_between_pages()
+        garbage.watch(pn.state.curdoc)
         page = Workbench(tabs).page()
     except Exception as error:
         log.error("the page could not be built", exc_info=error)
