@@ -18,9 +18,10 @@ from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.reports import PositionReports
 from trackerlib.rangefiles.arrays import parse_date
 from trackerlib.rangefiles.record_scan import COLUMNS, EVERY_MODE, scan_records
-from trackerlib.textfiles import BadRecord, InputError, decode_lines, map_bytes
+from trackerlib.textfiles import BadRecord, InputError, decode_lines, map_bytes, text_end
 
 HEADER_RECORDS = 31
+CORRECTED = "CORRECTED COPY"  # what the first record of such a copy says
 MAX_HEADER_RECORDS = 1000  # how far a header is looked for
 _HEAD_BYTES = 65_536
 # A record whose columns are shifted is a bad record, not a line of the header.
@@ -31,7 +32,7 @@ SHIFTS = (
     "; the record is shifted to the right by one column",
     "; the record is shifted to the left by one column",
 )
-_BLANK, _POINT, _PLUS, _MINUS, _ZERO, _END_OF_FILE = (ord(c) for c in " .+-0\x1a")
+_BLANK, _POINT, _PLUS, _MINUS, _ZERO = (ord(c) for c in " .+-0")
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,14 @@ class TFileReading:
     sound_speed_table: np.ndarray  # (L, 2) depth [ft] and speed [ft/s] of the header's table; L may be 0
     run_date: np.datetime64  # the one date in the header, else NaT
     simulated: bool  # the header says so
+    corrected: str = ""  # how its positions were corrected, if the first record says that they were
     warnings: tuple[str, ...] = ()
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """The warnings, and that positions would be corrected twice."""
+        again = (f"the positions were corrected before: {self.corrected}",) if self.corrected else ()
+        return (*self.warnings, *again)
 
     def profile(self, speeds: str = "middle") -> SoundSpeedProfile | None:
         """Sound-speed profile of the header's table, or None where there is none.
@@ -109,7 +117,7 @@ def parse_tfile(
 
 def one_byte_text(content: bytes, name: str) -> bytes:
     """A file with one byte a character and Unix line ends, so that columns can be counted in bytes."""
-    content = content.rstrip(b"\x1a").replace(b"\r\n", b"\n")
+    content = content.replace(b"\r\n", b"\n")
     if not content.isascii() or b"\r" in content:
         content = "\n".join(decode_lines(content, name)).encode("latin-1", errors="replace")
     return content
@@ -143,16 +151,19 @@ def _read_plain(content, name, header_records, mode, foreign=False) -> TFileRead
         lines = len(head) - (head[-1] == "")
         raise InputError(f"{name}: found {lines} lines, wanted {header_records} of header and then records")
     head = head[:-1]
-    found = _read_records(np.frombuffer(content, dtype=np.uint8), start, header_records + 1, mode, foreign)
+    text = np.frombuffer(content, np.uint8, text_end(content))
+    found = _read_records(text, start, header_records + 1, mode, foreign)
     if found is None:
         return None
     if found.first_line is None:
         why = f"; line {found.bad[0].line}: {found.bad[0].why}" if found.bad else ""
         raise InputError(f"{name}: found no position record after {header_records} lines of header{why}")
-    return _reading(head, found, name, everything=mode is None)
+    said = content[:_HEAD_BYTES].decode("latin-1").split("\n", 1)[0]
+    corrected = said[said.index(CORRECTED) :].rstrip() if CORRECTED in said else ""
+    return _reading(head, found, name, mode is None, corrected)
 
 
-def _reading(head: list[str], found: _Records, name: str, everything: bool) -> TFileReading:
+def _reading(head: list[str], found: _Records, name: str, everything: bool, corrected: str) -> TFileReading:
     title = " ".join(line for line in head if not _speed_pairs(line)).upper()
     simulated = "SYNTHETIC" in title or "SIMULATED" in title
     line, point_count, position, array, mode, flagged = found.columns
@@ -175,6 +186,7 @@ def _reading(head: list[str], found: _Records, name: str, everything: bool) -> T
         sound_speed_table=_sound_speed_table(head),
         run_date=_only_date(title),
         simulated=simulated,
+        corrected=corrected,
         warnings=tuple(_header_warnings(head, found.first_line)),
     )
 
@@ -191,8 +203,6 @@ def _line_place(content: bytes | mmap, lines: int) -> int | None:
 
 def _read_records(text, start, first_line, mode, foreign) -> _Records | None:
     """Records of all lines from `start` on: the well-formed ones by the compiled scan, the others judged."""
-    while len(text) > start and text[-1] == _END_OF_FILE:
-        text = text[:-1]
     plain = np.where(text > 127, ord("?"), text).astype(np.uint8) if foreign else text
     scan = scan_records(plain, start, first_line, EVERY_MODE if mode is None else mode)
     if scan is None:
