@@ -121,7 +121,7 @@ class ApplyPage:
             session.tfile.reports, session.survey, session.profile, *self.chosen(), mode=session.gating.mode
         )  # fmt: skip
         copy = corrected_copy(
-            session.tfile_content, session.gating.source, session.tfile, moved.which, moved.position,
+            session.tfile_content, session.tfile, moved.which, moved.position,
             "CORRECTED COPY" + ", SIMULATED DATA" * session.simulated + f", {self.provenance()}",
         )  # fmt: skip
         session.say(f"{int(copy.written.sum())} positions corrected in the copy; the original is untouched")

@@ -1,5 +1,6 @@
 """`correct`: a copy whose every other byte is the original's, and positions that close on the truth."""
 
+import hashlib
 import json
 
 import numpy as np
@@ -153,3 +154,33 @@ def test_the_whole_track_is_written_too(tmp_path, data, capsys):
     assert lines[0] == "# SIMULATED DATA"
     assert len(lines) == answer["track_points"] + 3
     assert answer["mean_jump_after_ft"] < 0.5 * answer["mean_jump_before_ft"]
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "words"),
+    [
+        ("--track", "tfile.dat", "--track is {}, the T-file itself"),
+        ("--out", "arrays.csv", "--out is {}, the array table itself"),
+        ("--track", "VELOCITY.DAT", "--track is {}, the profile itself"),
+        ("--track", "copy.dat", "--track is {}, the file of --out too"),
+    ],
+)
+def test_no_file_that_is_read_is_written_over(tmp_path, data, capsys, option, name, words):
+    for one in ("tfile.dat", "arrays.csv", "VELOCITY.DAT"):
+        (tmp_path / one).write_bytes((data / "range-demo" / one).read_bytes())
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    argv = ["correct", tmp_path / "tfile.dat", "--arrays", tmp_path / "arrays.csv", "--mode", 7, "--profile",
+            tmp_path / "VELOCITY.DAT", "--out", tmp_path / "copy.dat", option, tmp_path / name]  # fmt: skip
+    assert main([str(word) for word in argv]) == 2
+    assert words.format(tmp_path / name) in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_the_copy_tells_what_was_done_to_which_file(call, data, tmp_path):
+    call("--mode", 7, "--offset-ms", 2.8512345, "--profile-speeds", "boundary")
+    said = (tmp_path / "corrected.dat").read_text().splitlines()[0]
+    digest = hashlib.sha256((data / "range-demo/tfile.dat").read_bytes()).hexdigest()
+    assert "OFFSET 2.8512345 MS, MODE 7, PROFILE VELOCITY.DAT (SPEEDS AT BOUNDARY), ARRAYS arrays.csv" in said
+    assert f"SHA-256 OF THE ORIGINAL {digest}" in said
+    _, answer, _ = call("--offset-ms", 1, tfile=tmp_path / "corrected.dat", out=tmp_path / "again.dat")
+    assert any("were corrected before: CORRECTED COPY OF tfile.dat" in one for one in answer["warnings"])

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 from pathlib import Path
 
 import numpy as np
 
-from trackerlib.commands.range_inputs import read_profile, read_survey, tell
+from trackerlib import __version__
+from trackerlib.commands.range_inputs import keep_inputs, read_profile, read_survey, tell
 from trackerlib.crossover.doubts import profile_doubts, report_doubts
 from trackerlib.crossover.gating import MAX_SLANT_RANGE_FT, gate_mode_and_flag
 from trackerlib.rangefiles.calibration_file import read_calibration
 from trackerlib.rangefiles.corrected_tfile import CorrectedCopy, corrected_copy
 from trackerlib.rangefiles.run_track_file import run_track_csv
-from trackerlib.rangefiles.tfile import HEADER_RECORDS, TFileReading, parse_tfile
+from trackerlib.rangefiles.tfile import CORRECTED, HEADER_RECORDS, TFileReading, parse_tfile
 from trackerlib.textfiles import InputError, read_bytes, write_bytes, write_text
 from trackerlib.timing.run_track import RunTrack, correct_run
 from trackerlib.timing.track_correction import CorrectedReports, correct_reports
@@ -57,16 +59,15 @@ def run(args: argparse.Namespace) -> dict:
         args.mode,
         movements,
     )
-    copy = corrected_copy(
-        content, args.tfile.name, tfile, corrected.which, corrected.position, provenance(args)
-    )
+    done = provenance(args, content)
+    copy = corrected_copy(content, tfile, corrected.which, corrected.position, done)
     track = _whole_track(args, tfile, survey, profile) if args.track else None
     write_bytes(args.out, copy.content)
-    warnings = [*tfile.warnings, *_warnings(args, tfile, survey, profile, corrected, copy)]
+    warnings = [*tfile.doubts, *_warnings(args, tfile, survey, profile, corrected, copy)]
     tell("correct", (), warnings)
     answer = document(args, tfile, corrected, copy, warnings)
     if track is not None:
-        write_text(args.track, run_track_csv(track, provenance(args), tfile.simulated))
+        write_text(args.track, run_track_csv(track, done, tfile.simulated))
         before, after = track.mean_jump
         answer |= {
             "track": str(args.track),
@@ -95,16 +96,18 @@ def _whole_track(args, tfile: TFileReading, survey, profile) -> RunTrack:
         raise InputError(f"{args.tfile.name}: {error}") from None
 
 
-def provenance(args: argparse.Namespace) -> str:
-    """What was done, in one line for the header of the copy."""
-    parts = [f"CORRECTED COPY OF {args.tfile.name}: OFFSET {args.offset_ms:g} MS"]
+def provenance(args: argparse.Namespace, content: bytes) -> str:
+    """What was done to the T-file of this content, in one line for the header of the copy."""
+    parts = [f"{CORRECTED} OF {args.tfile.name}: OFFSET {args.offset_ms:.9g} MS"]
     if args.drift_ms_per_count:
-        parts.append(f"DRIFT {args.drift_ms_per_count:g} MS A COUNT ABOUT COUNT {args.t0:g}")
+        parts.append(f"DRIFT {args.drift_ms_per_count:.9g} MS A COUNT ABOUT COUNT {args.t0:.9g}")
     parts.append("ALL VEHICLES" if args.mode is None else f"MODE {args.mode}")
-    parts.append(f"PROFILE {args.profile.name}, ARRAYS {args.arrays.name}")
+    speeds = "" if args.profile_speeds == "middle" else f" (SPEEDS AT {args.profile_speeds.upper()})"
+    parts.append(f"PROFILE {args.profile.name}{speeds}, ARRAYS {args.arrays.name}")
     if args.calibration:
         parts.append(f"CALIBRATION {args.calibration.name}")
-    return ", ".join(parts)
+    parts.append(f"SHA-256 OF THE ORIGINAL {hashlib.sha256(content).hexdigest()}")
+    return ", ".join(parts) + f", TRACKERLIB {__version__}"
 
 
 def document(
@@ -161,8 +164,11 @@ def _check(args: argparse.Namespace) -> None:
             raise InputError(f"--{name.replace('_', '-')} is {value}, wanted a number")
     if args.drift_ms_per_count and args.t0 is None:
         raise InputError("--drift-ms-per-count needs --t0, the point count at which the offset holds")
-    if args.out.exists() and args.tfile.exists() and args.out.samefile(args.tfile):
-        raise InputError(f"--out is {args.out}, the T-file itself; wanted another file")
+    keep_inputs(
+        {"--out": args.out, "--track": args.track},
+        {"T-file": args.tfile, "array table": args.arrays, "profile": args.profile,
+         "calibration": args.calibration},
+    )  # fmt: skip
 
 
 def _warnings(args, tfile, survey, profile, corrected, copy) -> list[str]:
@@ -178,8 +184,6 @@ def _warnings(args, tfile, survey, profile, corrected, copy) -> list[str]:
         warnings.append(
             f"no direct ray joins {corrected.in_shadow} reports to their array; left as they were"
         )
-    if not args.header_records:
-        warnings.append("the file has no header: the copy cannot say that it is corrected")
     if args.mode is not None and not np.any(tfile.reports.mode == args.mode):
         warnings.append(f"no report has mode {args.mode}; nothing was corrected")
     warnings += [f"line {record.line}: {record.why}" for record in copy.too_wide]

@@ -100,9 +100,9 @@ def run_one(args: argparse.Namespace) -> dict:
     gates = (survey, args.mode, args.max_slant_range_ft, args.gap_counts)
     result = gate_reports(tfile.reports, *gates, run_date, args.keep_line)
     segments = straight_segments(tfile.reports, *gates) if args.segments else ()
-    tell("gate", (), (*tfile.warnings, *result.warnings))
+    tell("gate", (), (*tfile.doubts, *result.warnings))
     files = write_sets(args.out, result.sets)
-    answer = document(result, files, [*tfile.warnings, *result.warnings], tfile.simulated)
+    answer = document(result, files, [*tfile.doubts, *result.warnings], tfile.simulated)
     if args.report_files:
         folders = [path.with_suffix("") for path in files]
         for folder, crossover in zip(folders, result.sets, strict=True):

@@ -1,7 +1,8 @@
-"""Array tables and profiles that several commands read; what is odd about them goes to standard error."""
+"""Files that several commands read and must not write over; what is odd about them goes to standard error."""
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,7 +11,7 @@ from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.survey import ArraySurvey
 from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.velocity_file import read_velocity
-from trackerlib.textfiles import BadRecord
+from trackerlib.textfiles import BadRecord, InputError
 
 
 def read_survey(path: Path) -> ArraySurvey:
@@ -33,3 +34,21 @@ def tell(name: str, bad_records: Iterable[BadRecord], notes: Iterable[str]) -> N
         print(f"{name}, line {record.line}: {record.why}", file=sys.stderr)
     for note in notes:
         print(f"{name}: {note}", file=sys.stderr)
+
+
+def keep_inputs(written: dict[str, Path | None], read: dict[str, Path | None]) -> None:
+    """Raises InputError where a file to be written is one of those read, or two are to be written to one.
+
+    written, read : options, and what the files are; None where one is not told
+    """
+    taken: dict[Path, str] = {}
+    for option, path in written.items():
+        if path is None:
+            continue
+        for what, other in read.items():
+            if other is not None and path.is_file() and other.is_file() and path.samefile(other):
+                raise InputError(f"{option} is {path}, the {what} itself; wanted another file")
+        place = Path(os.path.realpath(path))
+        if place in taken:
+            raise InputError(f"{option} is {path}, the file of {taken[place]} too; wanted another file")
+        taken[place] = option

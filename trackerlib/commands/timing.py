@@ -207,7 +207,7 @@ def fit_run(args: argparse.Namespace, one: CampaignRun) -> tuple[list[dict], boo
     tfile = read_tfile(one.tfile, one.header_records, one.mode)
     gated = gate_reports(tfile.reports, survey, one.mode, run_date=tfile.run_date)
     doubts = profile_doubts(profile, survey, {n for crossover in gated.sets for n in crossover.pair})
-    tell(f"timing: {one}", gated.bad_records, (*tfile.warnings, *gated.warnings, *doubts))
+    tell(f"timing: {one}", gated.bad_records, (*tfile.doubts, *gated.warnings, *doubts))
     folder, answers = Path(f"day_{one.day}_run_{one.run}_mode_{one.mode}"), []
     for crossover in gated.sets:
         fit = fit_timing(crossover, survey, profile, method=args.method, outliers=args.outliers)

@@ -1,7 +1,7 @@
-"""A T-file with every position moved, in the columns it had; all other bytes stay as they were.
+"""A T-file with every position moved, in the columns it had; all else stays as it was, line ends and letters too.
 
-The header keeps its number of records: what was done to the copy is written behind a blank header record, or
-behind the text of the first one, so that a count of 31 stays a count of 31.
+What was done to the copy is written behind the text of its first record, so that a count of 31 header records stays
+a count of 31. Where there is no header that is a position record, and the words stand behind its columns.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackerlib.rangefiles.tfile import FIELDS, TFileReading, one_byte_text
-from trackerlib.textfiles import BadRecord
+from trackerlib.rangefiles.record_scan import COLUMNS
+from trackerlib.rangefiles.tfile import FIELDS, TFileReading
+from trackerlib.textfiles import BadRecord, text_encoding
 
 _X, _Y, _Z = FIELDS[1:4]
 _WIDTH = _X.last - _X.first + 1
+_LINE_END, _RETURN, _BLANK = (ord(letter) for letter in "\n\r ")
 
 
 @dataclass(frozen=True)
@@ -27,24 +29,23 @@ class CorrectedCopy:
 
 
 def corrected_copy(
-    content: bytes, name: str, reading: TFileReading, which: np.ndarray, position: np.ndarray, provenance: str
+    content: bytes, reading: TFileReading, which: np.ndarray, position: np.ndarray, provenance: str
 ) -> CorrectedCopy:
     """The T-file with the positions of some of its reports replaced.
 
     which : (N,) reports of `reading`, which read the same content
     position : (N, 3) their new positions, ft
-    provenance : a line that says what was done, put into the header
+    provenance : a line that says what was done
     A position that needs more than seven columns is left as it was and told.
     """
-    content = one_byte_text(content, name)
-    text = np.frombuffer(content, dtype=np.uint8).copy()
-    starts = np.concatenate([[0], np.flatnonzero(text == ord("\n")) + 1])
+    encoding = text_encoding(content)
+    letters = _letters(content, encoding)
     columns = np.char.mod(f"%{_WIDTH}.1f", np.round(position, 1) + 0.0)
     fits = np.all(np.char.str_len(columns) == _WIDTH, axis=1)
-    places = starts[reading.reports.line[which] - 1]
+    places = _line_starts(letters)[reading.reports.line[which] - 1]
     for field, column in zip((_X, _Y, _Z), columns.T, strict=True):
-        letters = np.frombuffer("".join(column[fits]).encode("ascii"), dtype=np.uint8).reshape(-1, _WIDTH)
-        text[places[fits, None] + field.first - 1 + np.arange(_WIDTH)] = letters
+        digits = np.frombuffer("".join(column[fits]).encode("ascii"), dtype=np.uint8).reshape(-1, _WIDTH)
+        letters[places[fits, None] + field.first - 1 + np.arange(_WIDTH)] = digits
     too_wide = [
         BadRecord(
             int(line),
@@ -52,14 +53,37 @@ def corrected_copy(
         )
         for line, row in zip(reading.reports.line[which[~fits]], np.char.strip(columns[~fits]), strict=True)
     ]
-    head_end = starts[len(reading.header)]
-    head = _with_provenance(reading.header, provenance)
-    return CorrectedCopy(head + text.tobytes()[head_end:], fits, tuple(too_wide))
+    copy = _with_provenance(letters, provenance, 0 if reading.header else COLUMNS)
+    return CorrectedCopy(_bytes(copy, encoding), fits, tuple(too_wide))
 
 
-def _with_provenance(header: tuple[str, ...], provenance: str) -> bytes:
-    """The header with the provenance in its first record, which keeps its own text before it."""
-    if not header:
-        return b""
-    first = f"{header[0].rstrip()}  {provenance}"
-    return "".join(f"{line}\n" for line in (first, *header[1:])).encode("latin-1", errors="replace")
+def _letters(content: bytes, encoding: str) -> np.ndarray:
+    """The characters of a text, a number each: its bytes where one is one character, as in most T-files."""
+    if content.isascii() or encoding == "latin-1":
+        return np.frombuffer(content, np.uint8).copy()
+    return np.frombuffer(content.decode(encoding, "replace").encode("utf-32-le"), "<u4").copy()
+
+
+def _bytes(letters: np.ndarray, encoding: str) -> bytes:
+    if letters.dtype == np.uint8:
+        return letters.tobytes()
+    return letters.tobytes().decode("utf-32-le").encode(encoding)
+
+
+def _line_starts(letters: np.ndarray) -> np.ndarray:
+    """Where each line begins, whichever of the three line ends a file has."""
+    ends = letters == _LINE_END
+    alone = letters == _RETURN
+    alone[:-1] &= ~ends[1:]
+    return np.concatenate([[0], np.flatnonzero(ends | alone) + 1])
+
+
+def _with_provenance(letters: np.ndarray, provenance: str, column: int) -> np.ndarray:
+    """The text with the provenance behind what the first record says, and behind so many columns."""
+    ends = np.flatnonzero((letters == _LINE_END) | (letters == _RETURN))
+    end = ends[0] if len(ends) else len(letters)
+    said = np.flatnonzero(letters[:end] != _BLANK)
+    first = letters[: said[-1] + 1 if len(said) else 0]
+    words = " " * max(column - len(first), 0) + "  " + provenance
+    coded = words.encode("latin-1", "replace") if letters.dtype == np.uint8 else words.encode("utf-32-le")
+    return np.concatenate([first, np.frombuffer(coded, letters.dtype), letters[end:]])
