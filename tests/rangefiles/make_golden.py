@@ -11,6 +11,9 @@ GOLDEN = Path(__file__).parent / "golden"
 ARRAYS = {0: (100.0, 200.0, -1300.4), 7: (7012.5, 150.2, -1299.9)}
 COUNTS = (0, 1, 2, 998, 999)
 M = ((4.25, 0.5, -0.125), (0.5, 3.0, 0.25), (-0.125, 0.25, 6.5))
+D_X = ((4.0, 0.5, -0.25), (0.5, 9.0, 0.125), (-0.25, 0.125, 16.0))
+D_Y = ((25.0, -0.5, 1.0), (-0.5, 4.0, 0.25), (1.0, 0.25, 9.0))
+D_XY = ((1.0, 0.25, -0.5), (0.5, 2.0, 0.75), (-0.25, 1.5, 3.0))
 
 
 def fortran(value, width, decimals=None):
@@ -45,6 +48,18 @@ def crossover_record(count, first, second):
     return "  " + fortran(count, 5) + " " + "".join("  " + fortran(v, 11, 1) for v in (*first, *second))
 
 
+def covariance_rows(*matrices):
+    return ["".join(fortran(v, 14, 8) for v in row) for matrix in matrices for row in matrix]
+
+
+def printed():
+    """Cross correlations as Appendix C prints them, and M = D_x + D_y - D_xy - D_xy' (39)."""
+    three = range(3)
+    correlation = [[D_XY[i][j] / (D_X[j][j] * D_Y[i][i]) ** 0.5 for j in three] for i in three]
+    gap = [[D_X[i][j] + D_Y[i][j] - D_XY[i][j] - D_XY[j][i] for j in three] for i in three]
+    return correlation, gap
+
+
 def files():
     head = ["SIMULATED RUN OF 6/20/85"] + [f"HEADER RECORD {n}" for n in range(2, 32)]
     records = [t_record(count, array) for count in COUNTS for array in ARRAYS]
@@ -57,6 +72,13 @@ def files():
         "CROSSOVER.DAT": [first, *rows],
         "TRPDOTRX.DAT": [*rows, trailer],
         "ARRAYS.DAT": ["".join(fortran(v, 12, 2) for v in p) + fortran(n, 6) for n, p in ARRAYS.items()],
+        "AR1.DAT": [
+            f"{n:4d}  {day}" + "".join(fortran(v, 12, 2) for v in p)
+            for (n, p), day in zip(ARRAYS.items(), ("850620", "6/21/85"), strict=True)
+        ],
+        "SIXCOL.DAT": [row[8:] for row in rows],
+        "OUTPUT1.COV": covariance_rows(D_X, D_Y),
+        "OUTPUT2.COV": covariance_rows(*printed()),
         "VELOCITY.DAT": [fortran(25.0 * k, 9, 1) + fortran(4880.0 - k, 12, 2) for k in range(55)],
         "MMATRIX.M": ["".join(fortran(v, 12, 4) for v in row) for row in M],
     }

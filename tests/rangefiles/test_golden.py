@@ -54,6 +54,23 @@ def test_the_other_tables():
     profile = read_velocity(GOLDEN / "VELOCITY.DAT").profile
     assert (profile.depth[0], profile.speed[0], len(profile.depth)) == (12.5, 4880.0, 55)
     assert read_m_matrix(GOLDEN / "MMATRIX.M").tolist() == [list(row) for row in make_golden.M]
+    dated = read_arrays(GOLDEN / "AR1.DAT").survey
+    assert np.array_equal(dated.position, SURVEY.position)
+    assert dated.survey_date.astype(str).tolist() == ["1985-06-20", "1985-06-21"]
+
+
+def test_covariances_of_a_pair_as_appendix_c_prints_them():
+    told = (make_golden.D_X, make_golden.D_Y, make_golden.D_XY)
+    for one, other in zip(read_covariances(GOLDEN), told, strict=True):
+        assert np.allclose(one, other, atol=2e-7)  # of correlations with eight decimals
+
+
+def test_a_six_column_file_holds_the_same_positions_without_their_counts():
+    six = read_crossover(GOLDEN / "SIXCOL.DAT", pair=(0, 7)).set
+    seven = read_crossover(GOLDEN / "CROSSOVER.DAT").set
+    assert np.array_equal(six.x, seven.x)
+    assert np.array_equal(six.y, seven.y)
+    assert six.point_count.tolist() == [1, 2, 3, 4, 5]
 
 
 def test_matrices_are_read_back_as_they_were(tmp_path):
@@ -68,6 +85,12 @@ def test_matrices_are_read_back_as_they_were(tmp_path):
     gap = first + second - cross - cross.T
     write_m_matrix(tmp_path / "MMATRIX.M", gap)
     assert np.allclose(read_m_matrix(tmp_path / "MMATRIX.M"), gap, rtol=1e-15)
+
+
+def test_a_track_without_noise_is_read_back_too(tmp_path):
+    flat = np.diag([4.0, 9.0, 0.0])
+    write_covariances(tmp_path, flat, flat, np.diag([1.0, 2.0, 0.0]))
+    assert np.allclose(read_covariances(tmp_path)[2], np.diag([1.0, 2.0, 0.0]))
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,8 @@ def write_covariances(
     folder: str | Path, of_x: np.ndarray, of_y: np.ndarray, cross: np.ndarray
 ) -> tuple[Path, Path]:
     """Writes D_x, D_y to OUTPUT1.COV and what follows from D_xy to OUTPUT2.COV; (3, 3) each, ft^2."""
-    correlation = cross / np.sqrt(np.outer(np.diag(of_y), np.diag(of_x)))
+    size = np.sqrt(np.outer(np.diag(of_y), np.diag(of_x)))
+    correlation = cross / np.where(size > 0, size, 1.0)  # a track without noise on an axis has none with it
     gap = of_x + of_y - cross - cross.T
     paths = Path(folder) / "OUTPUT1.COV", Path(folder) / "OUTPUT2.COV"
     write_text(paths[0], _blocks(of_x, of_y))
