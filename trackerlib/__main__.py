@@ -2,6 +2,10 @@
 
 import sys
 
-from trackerlib.commands import main
+try:
+    from trackerlib.commands import main
 
-sys.exit(main())
+    sys.exit(main())
+except KeyboardInterrupt:  # while a command is still being loaded, which takes a second
+    print("interrupted", file=sys.stderr)
+    sys.exit(130)

@@ -1,6 +1,7 @@
 """The shell's way in: exit codes, one JSON document, errors in words."""
 
 import json
+import runpy
 
 import numpy as np
 import pytest
@@ -39,3 +40,15 @@ def test_a_wrong_call_is_exit_2(argv, capsys):
         main(argv)
     assert stopped.value.code == 2
     assert capsys.readouterr().err
+
+
+def test_an_interrupt_while_a_command_loads_is_exit_130_in_words(monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("trackerlib.commands.import_module", interrupted)
+    monkeypatch.setattr("sys.argv", ["trackerlib", "gate"])
+    with pytest.raises(SystemExit) as stopped:
+        runpy.run_module("trackerlib", run_name="__main__")
+    assert stopped.value.code == 130
+    assert capsys.readouterr().err == "interrupted\n"

@@ -218,6 +218,16 @@ def test_a_profile_that_ends_above_an_array_is_remarked_and_depths_in_metres_ask
     )
 
 
+def test_a_profile_that_begins_far_below_the_surface_is_remarked(run, folder, gated):
+    good = sorted(gated.iterdir())[0]
+    assert "the profile begins" not in run("timing", good)[2]
+    spoil(folder / "VELOCITY.DAT", lambda lines: lines[4:])
+    assert (
+        "the profile begins at 112.5 ft: above it speed goes on with the first gradient"
+        in run("timing", good)[2]
+    )
+
+
 def test_turned_rays_are_counted_and_take_no_part(run, folder, capsys):
     (folder / "VELOCITY.DAT").write_text("0 5400\n1200 4600\n2400 4600\n")
     some = straight(folder, "some.txt", range(60), depth=-20.0, spread=60.0)

@@ -82,18 +82,22 @@ def set_doubts(crossover: CrossoverSet, survey: ArraySurvey) -> list[str]:
 
 
 def profile_doubts(profile: SoundSpeedProfile, survey: ArraySurvey, arrays: Iterable[int]) -> list[str]:
-    """What is odd about a profile (feet) that ends above some of the arrays of these numbers."""
+    """What is odd about a profile (feet) that begins far below the surface or ends above some of these arrays."""
+    doubts = []
+    start, end = profile.depth[0], profile.depth[-1]
+    if start > 2 * (profile.depth[1] - start):
+        doubts.append(f"the profile begins at {start:g} ft: above it speed goes on with the first gradient")
     row = survey.index_of(np.unique(np.array(list(arrays), np.int64)))
     row = row[row >= 0]
-    depth, end = -survey.position[row, 2], profile.depth[-1]
+    depth = -survey.position[row, 2]
     below = row[depth > end]
-    if not len(below):
-        return []
-    numbers = ", ".join(map(str, np.sort(survey.number[below])))
-    stand = f"array {numbers} stands" if len(below) == 1 else f"arrays {numbers} stand"
-    in_metres = end < depth.max() / 2 and end * FEET_PER_METRE > 0.8 * depth.max()
-    asked = ". Are its depths in metres?" if in_metres else ""
-    return [
-        f"the profile ends at {end:g} ft, and {stand} deeper, down to {depth.max():g} ft: below its "
-        f"end speed goes on with the mean step of the last rows{asked}"
-    ]
+    if len(below):
+        numbers = ", ".join(map(str, np.sort(survey.number[below])))
+        stand = f"array {numbers} stands" if len(below) == 1 else f"arrays {numbers} stand"
+        in_metres = end < depth.max() / 2 and end * FEET_PER_METRE > 0.8 * depth.max()
+        asked = ". Are its depths in metres?" if in_metres else ""
+        doubts.append(
+            f"the profile ends at {end:g} ft, and {stand} deeper, down to {depth.max():g} ft: below its "
+            f"end speed goes on with the mean step of the last rows{asked}"
+        )
+    return doubts

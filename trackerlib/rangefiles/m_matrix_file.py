@@ -27,6 +27,10 @@ def read_m_matrix(path: str | Path) -> np.ndarray:
             f"{name}: found rows of {[len(row) for row in rows]} numbers; wanted three rows of three"
         )
     matrix = np.array(rows)
+    if not np.isfinite(matrix).all() or not matrix.any():
+        raise InputError(
+            f"{name}: found {'zeros' if not matrix.any() else 'nan or inf'}; wanted a covariance in ft^2"
+        )
     if not np.allclose(matrix, matrix.T, rtol=1e-3, atol=1e-3 * np.abs(matrix).max()):
         raise InputError(f"{name}: found a matrix that is not symmetric; wanted a covariance")
     matrix = (matrix + matrix.T) / 2

@@ -7,6 +7,7 @@ the speed at the depth itself: `speeds="boundary"`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,6 +66,8 @@ def parse_velocity(content: bytes, name: str, speeds: str = "middle") -> Velocit
 
 
 def _check(depth: float, speed: float, before: list[float], where: str) -> None:
+    if not 0 <= depth < math.inf:
+        raise InputError(f"{where}: found depth {depth:g}; wanted feet below the surface, positive down")
     if before and not depth > before[-1]:
         raise InputError(f"{where}: found depth {depth:g} ft after {before[-1]:g} ft; wanted growing depths")
     if not SPEED_LIMITS[0] <= speed <= SPEED_LIMITS[1]:
