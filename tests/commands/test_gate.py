@@ -103,6 +103,35 @@ def test_a_choice_among_repeats_is_taken_back_by_its_line(call):
     assert (back["kept_line"], back["dropped_lines"]) == (other, [choice["kept_line"]])
 
 
+def test_choices_are_told_with_the_lines_that_take_them_back(call):
+    choice = json.loads(call("--json")[1])["repeats"][0]
+    (other,) = choice["dropped_lines"]
+    told = f"count {choice['point_count']}: line {choice['kept_line']} kept and not {other}: nearest to the array's"
+    assert told in call()[1]
+    assert (
+        f"line {other} kept and not {choice['kept_line']}: this line was named"
+        in call("--keep-line", other)[1]
+    )
+
+
+def test_a_line_to_keep_that_chooses_nothing_is_told(call):
+    (other,) = json.loads(call("--json")[1])["repeats"][0]["dropped_lines"]
+    code, out, err = call("--keep-line", 99999, "--keep-line", other, "--json")
+    assert code == 0
+    assert "--keep-line 99999 chose nothing" in err
+    assert f"--keep-line {other} " not in err
+    assert any("--keep-line 99999 chose nothing" in one for one in json.loads(out)["warnings"])
+
+
+def test_a_vehicle_of_whom_every_report_bears_an_edit_mark_is_told(call, data, tmp_path):
+    lines = (data / "range-demo/tfile.dat").read_text().splitlines()[:200]
+    (tmp_path / "marked.dat").write_text(
+        "\n".join(lines[:31] + [one[:5] + "ED" + one[7:] for one in lines[31:]])
+    )
+    code, _, err = call(tfile=tmp_path / "marked.dat")
+    assert (code, "every report of mode 7 bears an edit mark" in err) == (0, True)
+
+
 def test_columns_shifted_by_one_are_found_out(call, data, tmp_path):
     lines = (data / "range-demo/tfile.dat").read_text().splitlines()
     (tmp_path / "shifted.dat").write_text("\n".join(lines[:31] + [" " + line for line in lines[31:]]))

@@ -47,6 +47,28 @@ def test_toml_says_the_same(folder):
     assert read_campaign(written(folder, toml, "c.toml")) == read_campaign(written(folder, CAMPAIGN))
 
 
+def test_a_day_may_be_a_date_and_have_strokes(folder, capsys):
+    toml = 'arrays = "arrays.csv"\n[profiles]\n1985-06-20 = "VELOCITY.DAT"\n[[runs]]\nday = 1985-06-20\n'
+    path = written(folder, toml + 'run = 3\ntfile = "tfile.dat"\nmode = 7\n', "c.toml")
+    assert read_campaign(path).runs[0].day == "1985-06-20"
+    odd = {**RUN, "day": "6/20/85", "run": "../x"}
+    path = written(folder, {**CAMPAIGN, "profiles": {"6/20/85": "VELOCITY.DAT"}, "runs": [odd]})
+    assert main(["gate", "--campaign", str(path), "--out", str(folder / "sets")]) == 0
+    (made,) = (folder / "sets").iterdir()
+    assert any(made.glob("crossover_*.txt"))
+
+
+def test_what_is_of_one_run_needs_one_run(folder, capsys):
+    path = written(folder, {**CAMPAIGN, "runs": [RUN, {**RUN, "mode": 2}]})
+    call = ["gate", "--campaign", str(path), "--out", str(folder / "sets")]
+    assert main([*call, "--keep-line", "40"]) == 2
+    assert "are of one run, found 2; choose it with --day, --run, --mode" in capsys.readouterr().err
+    assert main([*call, "--keep-line", "40", "--mode", "2"]) == 0
+    assert [one.name for one in (folder / "sets").iterdir()] == ["day_1_run_3_mode_2"]
+    assert main([*call, "--header-records", "20"]) == 2
+    assert "header records itself" in capsys.readouterr().err
+
+
 def test_what_is_written_is_read_back(folder):
     campaign = read_campaign(written(folder, CAMPAIGN))
     write_campaign(folder / "again.json", campaign)
@@ -65,6 +87,15 @@ def test_what_is_written_is_read_back(folder):
         ({**CAMPAIGN, "runs": [{**RUN, "mode": "seven"}]}, r"runs\[1\].mode: found 'seven', wanted a whole"),
         ({**CAMPAIGN, "runs": [{**RUN, "tfile": 7}]}, r"runs\[1\].tfile: found 7, wanted the name of a file"),
         ({**CAMPAIGN, "profiles": {}}, r"runs\[1\].profile: found None, wanted the name of a file"),
+        (
+            {**CAMPAIGN, "profile": "VELOCITY.DAT"},
+            "key profile: no such key; there are arrays, name, profiles, runs",
+        ),
+        (
+            {**CAMPAIGN, "runs": [{**RUN, "day": None}]},
+            r"runs\[1\].day: found None, wanted a name or a number",
+        ),
+        ({**CAMPAIGN, "runs": [{**RUN, "run": ""}]}, r"runs\[1\].run: found '', wanted a name or a number"),
         ({**CAMPAIGN, "runs": [RUN, RUN]}, r"key runs\[2\]: day 1, run 3, mode 7 again"),
     ],
 )

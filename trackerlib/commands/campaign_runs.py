@@ -11,16 +11,16 @@ from trackerlib.rangefiles.campaign import Campaign, CampaignRun, read_campaign
 from trackerlib.textfiles import InputError
 
 Answer = TypeVar("Answer")
+RUN_KEYS = ("day", "run", "mode")  # by which a run is known
 
 
-def chosen_runs(path: Path, day: str | None, run: str | None) -> Campaign:
-    """The campaign of a file, only its runs of a day or of a name where one is told. Raises InputError for none."""
+def chosen_runs(path: Path, day: str | None, run: str | None, mode: int | None) -> Campaign:
+    """The campaign of a file, only its runs of a day, name or mode where one is told. Raises InputError for none."""
     campaign = read_campaign(path)
-    chosen = campaign.select(days=None if day is None else {day}, runs=None if run is None else {run})
+    told = {"day": day, "run": run, "mode": mode}
+    chosen = campaign.select(**{f"{what}s": None if name is None else {name} for what, name in told.items()})
     if not chosen.runs:
-        wanted = ", ".join(
-            f"{what} {name}" for what, name in (("day", day), ("run", run)) if name is not None
-        )
+        wanted = ", ".join(f"{what} {name}" for what, name in told.items() if name is not None)
         raise InputError(
             f"{path.name}: no run is of {wanted}; there are {'; '.join(map(str, campaign.runs))}"
         )
@@ -40,7 +40,7 @@ def each_run(
             done.append((one, work(one)))
         except InputError as error:
             print(f"{command}: {one}: {error}; the other runs go on", file=sys.stderr)
-            failed.append({"day": one.day, "run": one.run, "mode": one.mode, "why": str(error)})
+            failed.append({**{key: getattr(one, key) for key in RUN_KEYS}, "why": str(error)})
     if not done:
         raise InputError(
             f"campaign {campaign.name}: no run is of use; {campaign.runs[0]}: {failed[0]['why']}"
@@ -50,4 +50,9 @@ def each_run(
 
 def failures_report(failed: list[dict]) -> list[str]:
     """The runs that are no use, a line each."""
-    return ["day {day}, run {run}, mode {mode} is no use: {why}".format(**one) for one in failed]
+    return [f"{run_words(one)} is no use: {one['why']}" for one in failed]
+
+
+def run_words(one: dict) -> str:
+    """Which run an answer is of."""
+    return "day {day}, run {run}, mode {mode}".format(**one)

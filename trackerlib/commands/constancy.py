@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 
+from trackerlib.commands.range_inputs import tell
 from trackerlib.rangefiles.offsets_file import read_offsets
 from trackerlib.textfiles import InputError
 from trackerlib.timing.constancy import (
@@ -20,6 +20,7 @@ from trackerlib.timing.constancy import (
     runs_constant,
     variances_of,
 )
+from trackerlib.timing.offsets import OffsetTable
 
 SUMMARY = "test whether one timing offset is enough for a run, from a table of offsets"
 NAMES = ("day", "run", "residual")
@@ -28,7 +29,7 @@ NAMES = ("day", "run", "residual")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `constancy`."""
     add = parser.add_argument
-    add("offsets", type=Path, metavar="OFFSETS.csv", help="columns day, run, pair, offset_ms")
+    add("offsets", type=Path, nargs="+", metavar="OFFSETS.csv", help="columns day, run, pair, offset_ms")
     add(
         "--variances",
         type=_variances,
@@ -39,15 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict:
     """The answer of `constancy` as a document for JSON."""
-    table, bad = read_offsets(args.offsets)
-    for record in bad:
-        print(f"{args.offsets.name}, line {record.line}: {record.why}", file=sys.stderr)
+    table = read_tables(args.offsets)
     warnings, intervals, converged = [], None, True
     if args.variances is None:
         try:
             components = components_of(table)
         except ValueError as error:
-            raise InputError(f"{args.offsets.name}: {error}; tell them with --variances") from None
+            raise InputError(f"{table.source}: {error}; tell them with --variances") from None
         variances, converged = variances_of(components), components.converged
         intervals = 1e6 * component_intervals(table, components)
         warnings = [
@@ -76,6 +75,23 @@ def run(args: argparse.Namespace) -> dict:
         "warnings": warnings,
         "simulated": table.simulated,
     }
+
+
+def read_tables(paths: list[Path]) -> OffsetTable:
+    """The offsets of all tables together, such as one of each run. Raises InputError for one named twice."""
+    tables = []
+    for place, path in enumerate(paths):
+        if path.resolve() in (other.resolve() for other in paths[:place]):
+            raise InputError(f"{path}: named twice; its offsets would count twice")
+        table, bad = read_offsets(path)
+        tell(path.name, bad, ())
+        tables.append(table)
+    day, run_, pair, offset_s = (
+        np.concatenate([getattr(table, column) for table in tables])
+        for column in ("day", "run", "pair", "offset_s")
+    )
+    source, simulated = ", ".join(one.source for one in tables), any(one.simulated for one in tables)
+    return OffsetTable(day, run_, pair, offset_s, source, simulated)
 
 
 def _judged(test: Constancy) -> dict:
@@ -126,7 +142,7 @@ def _line(name: str, one: dict) -> str:
     return (
         f"{name:7} {one['mean_offset_ms']:7.2f} ± {one['sigma_mean_offset_ms']:.2f}     {one['pairs']:4d}   "
         f"{one['distance']:9.2f}   {one['dof']:3d}   {one['p_value']:.2g}   "
-        f"{'-' if estimated is None else format(estimated, '.2g')}"
+        f"{'-' if estimated is None or math.isnan(estimated) else format(estimated, '.2g')}"
     )
 
 

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from trackerlib.commands.campaign_runs import chosen_runs, each_run, failures_report
+from trackerlib.commands.campaign_runs import chosen_runs, each_run, failures_report, run_words
 from trackerlib.commands.range_inputs import read_survey, tell
 from trackerlib.crossover.gating import GAP_COUNTS, MAX_SLANT_RANGE_FT, GatingResult, gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
@@ -19,22 +19,32 @@ from trackerlib.rangefiles.segment_file import segment_file_name, write_segment
 from trackerlib.rangefiles.tfile import HEADER_RECORDS, read_tfile
 from trackerlib.textfiles import InputError
 
+MOST_LINES = 10  # of a kind that a report lists
 SUMMARY = "match the tracks of every two arrays of a T-file"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `gate`."""
     add = parser.add_argument
-    add("tfile", type=Path, nargs="?", metavar="TFILE")
+    add("tfile", type=Path, nargs="?", metavar="TFILE", help="fixed-column position reports of a run")
     add("--arrays", type=Path, metavar="FILE", help="array table")
-    add("--mode", type=int, metavar="M", help="2 ship, 7 torpedo")
+    add("--mode", type=int, metavar="M", help="the vehicle: 2 ship, 7 torpedo; of a campaign only its runs")
     add("--campaign", type=Path, metavar="FILE", help="all runs of a campaign, in place of the three above")
     add("--day", metavar="D", help="of a campaign take only that day's runs")
     add("--run", metavar="R", help="of a campaign take only runs of that name")
     add(
-        "--header-records", type=int, default=HEADER_RECORDS, metavar="N", help="records to skip (default 31)"
+        "--header-records",
+        type=int,
+        metavar="N",
+        help="records to skip (default 31; a campaign says its own)",
     )
-    add("--max-slant-range-ft", type=float, default=MAX_SLANT_RANGE_FT, metavar="R", help="default 4700")
+    add(
+        "--max-slant-range-ft",
+        type=float,
+        default=MAX_SLANT_RANGE_FT,
+        metavar="R",
+        help="how far from an array its reports are kept (default 4700)",
+    )
     add(
         "--gap-counts",
         type=int,
@@ -53,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="N",
-        help="of repeated reports keep this line",
+        help="of an array's repeated reports at one count keep the one in this line of the T-file",
     )
     add(
         "--report-files",
@@ -77,10 +87,14 @@ def run_campaign(args: argparse.Namespace) -> dict:
 
     def work(one: CampaignRun) -> dict:
         own = {name: getattr(one, name) for name in ("tfile", "arrays", "mode", "header_records")}
-        out = args.out / f"day_{one.day}_run_{one.run}_mode_{one.mode}"
-        return run_one(argparse.Namespace(**{**vars(args), **own, "out": out}))
+        return run_one(argparse.Namespace(**{**vars(args), **own, "out": args.out / one.folder}))
 
-    done, failed = each_run("gate", chosen_runs(args.campaign, args.day, args.run), work)
+    chosen = chosen_runs(args.campaign, args.day, args.run, args.mode)
+    if len(chosen.runs) > 1 and (args.keep_line or args.run_date):
+        raise InputError(
+            f"--keep-line and --run-date are of one run, found {len(chosen.runs)}; choose it with --day, --run, --mode"
+        )
+    done, failed = each_run("gate", chosen, work)
     answers = [
         {"day": one.day, "run": one.run, "mode": one.mode, "vehicle": one.vehicle, **answer}
         for one, answer in done
@@ -92,7 +106,8 @@ def run_campaign(args: argparse.Namespace) -> dict:
 def run_one(args: argparse.Namespace) -> dict:
     """The answer for one T-file."""
     survey = read_survey(args.arrays)
-    tfile = read_tfile(args.tfile, args.header_records, args.mode)
+    header_records = HEADER_RECORDS if args.header_records is None else args.header_records
+    tfile = read_tfile(args.tfile, header_records, args.mode)
     try:
         run_date = parse_date(args.run_date) if args.run_date else tfile.run_date
     except ValueError as error:
@@ -100,9 +115,10 @@ def run_one(args: argparse.Namespace) -> dict:
     gates = (survey, args.mode, args.max_slant_range_ft, args.gap_counts)
     result = gate_reports(tfile.reports, *gates, run_date, args.keep_line)
     segments = straight_segments(tfile.reports, *gates) if args.segments else ()
-    tell("gate", (), (*tfile.doubts, *result.warnings))
+    warnings = [*tfile.doubts, *result.warnings, *_not_kept(args.keep_line, result)]
+    tell("gate", (), warnings)
     files = write_sets(args.out, result.sets)
-    answer = document(result, files, [*tfile.doubts, *result.warnings], tfile.simulated)
+    answer = document(result, files, warnings, tfile.simulated)
     if args.report_files:
         folders = [path.with_suffix("") for path in files]
         for folder, crossover in zip(folders, result.sets, strict=True):
@@ -147,9 +163,7 @@ def document(result: GatingResult, files: list[Path], warnings: list[str], simul
 def report(answer: dict) -> str:
     """The answer of `gate` for a person."""
     if "runs" in answer:
-        parts = [
-            f"day {one['day']}, run {one['run']}, mode {one['mode']}\n{report(one)}" for one in answer["runs"]
-        ]
+        parts = [f"{run_words(one)}\n{report(one)}" for one in answer["runs"]]
         return "\n\n".join([*parts, *failures_report(answer["failed_runs"])])
     bad = answer["bad_records"]
     lines = ["SIMULATED DATA"] if answer["simulated"] else []
@@ -160,8 +174,15 @@ def report(answer: dict) -> str:
         f"{answer['kept_range']:7d} within slant range of a surveyed array",
         f"{answer['kept_repaired']:7d} paired again, {answer['repeats_left_out']} of them repeats left out",
     ]
-    lines += [f"line {record['line']}: {record['why']}" for record in bad[:10]]
-    lines += [f"... and {len(bad) - 10} more lines that cannot be read"] if len(bad) > 10 else []
+    lines += [f"line {record['line']}: {record['why']}" for record in bad[:MOST_LINES]]
+    lines += (
+        [f"... and {len(bad) - MOST_LINES} more lines that cannot be read"] if len(bad) > MOST_LINES else []
+    )
+    repeats = answer["repeats"]
+    lines += [_choice_line(choice) for choice in repeats[:MOST_LINES]]
+    lines += (
+        [f"... and {len(repeats) - MOST_LINES} more choices (--json)"] if len(repeats) > MOST_LINES else []
+    )
     lines += [
         f"{s['file']}  {s['points']} points, counts {s['first']} to {s['last']}" for s in answer["sets"]
     ] or ["no crossover set: no two arrays saw the vehicle at one point count"]
@@ -172,11 +193,22 @@ def report(answer: dict) -> str:
     return "\n".join(lines)
 
 
+def _choice_line(choice: dict) -> str:
+    """One choice among repeated reports, with the lines by which it is taken back."""
+    dropped = ", ".join(map(str, choice["dropped_lines"]))
+    return (
+        f"array {choice['array']} at count {choice['point_count']}: line {choice['kept_line']} kept and not {dropped}: "
+        f"{choice['reason']} (--keep-line turns it)"
+    )
+
+
 def _check(args: argparse.Namespace) -> None:
-    told = [args.tfile, args.arrays, args.mode]
-    if args.campaign and any(value is not None for value in told):
-        raise InputError("--campaign names T-file, arrays and mode itself; wanted either it or those")
-    if not args.campaign and any(value is None for value in told):
+    own = [args.tfile, args.arrays, args.header_records]
+    if args.campaign and any(value is not None for value in own):
+        raise InputError(
+            "--campaign names T-file, arrays and header records itself; wanted either it or those"
+        )
+    if not args.campaign and any(value is None for value in (args.tfile, args.arrays, args.mode)):
         raise InputError("wanted TFILE, --arrays FILE and --mode M, or --campaign FILE")
     if not args.campaign and (args.day is not None or args.run is not None):
         raise InputError(
@@ -186,6 +218,17 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"--max-slant-range-ft is {args.max_slant_range_ft:g}, wanted feet above 0")
     if args.gap_counts < 1:
         raise InputError(f"--gap-counts is {args.gap_counts}, wanted 1 or more")
+
+
+def _not_kept(lines: list[int], result: GatingResult) -> list[str]:
+    """Which of the lines that were named to be kept chose nothing."""
+    kept = {choice.kept_line for choice in result.choices} if lines else set()
+    return [
+        f"--keep-line {line} chose nothing: it holds no repeated report of this vehicle that passes the gates, or "
+        "another line of the same repeat was named too"
+        for line in lines
+        if line not in kept
+    ]
 
 
 def _segment(segment: TrackSegment, folder: Path) -> dict:

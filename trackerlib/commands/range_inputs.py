@@ -8,10 +8,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.crossover.edits import PointEdits, parse_edits
 from trackerlib.crossover.survey import ArraySurvey
 from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.velocity_file import read_velocity
-from trackerlib.textfiles import BadRecord, InputError
+from trackerlib.textfiles import BadRecord, InputError, read_lines
 
 
 def read_survey(path: Path) -> ArraySurvey:
@@ -26,6 +27,15 @@ def read_profile(path: Path, speeds: str) -> SoundSpeedProfile:
     reading = read_velocity(path, speeds)
     tell(path.name, reading.bad_records, reading.profile.notes)
     return reading.profile
+
+
+def read_edits(path: Path | None) -> PointEdits:
+    """The points that an edit log leaves out by hand; none without a file. Raises InputError as `parse_edits`."""
+    if path is None:
+        return PointEdits()
+    edits, bad = parse_edits(read_lines(path), path.name)
+    tell(path.name, bad, ())
+    return edits
 
 
 def tell(name: str, bad_records: Iterable[BadRecord], notes: Iterable[str]) -> None:

@@ -11,29 +11,31 @@ from pathlib import Path
 import numpy as np
 
 from trackerlib.acoustics.profile import SoundSpeedProfile
-from trackerlib.commands.campaign_runs import chosen_runs, each_run, failures_report
-from trackerlib.commands.range_inputs import read_profile, read_survey, tell
+from trackerlib.commands.campaign_runs import RUN_KEYS, chosen_runs, each_run
+from trackerlib.commands.range_inputs import keep_inputs, read_edits, read_profile, read_survey, tell
+from trackerlib.commands.timing_report import report
 from trackerlib.crossover.doubts import profile_doubts, set_doubts
+from trackerlib.crossover.edits import PointEdits
 from trackerlib.crossover.gating import gate_reports
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
-from trackerlib.rangefiles.campaign import CampaignRun
+from trackerlib.rangefiles.campaign import Campaign, CampaignRun
 from trackerlib.rangefiles.covariance_files import read_covariances
 from trackerlib.rangefiles.crossover_file import crossover_file_name, read_crossover
 from trackerlib.rangefiles.m_matrix_file import read_m_matrix
 from trackerlib.rangefiles.tfile import read_tfile
-from trackerlib.rounding import value_with_sigma
 from trackerlib.textfiles import InputError, write_text
 from trackerlib.timing.causes import CauseFit, Ranking, compare_causes
 from trackerlib.timing.correction import METHODS, OUTLIERS, TimingCorrection, fit_timing
 from trackerlib.timing.one_run import offsets_agree
 
+__all__ = ["SUMMARY", "add_arguments", "document", "offsets_csv", "report", "run"]
+
 SUMMARY = "estimate timing offset and drift from crossover sets"
-SERVES = 0.025  # chance below which sets are not said to share one offset
 MOST_CAUSES = 12  # that an answer lists
 COLUMNS = (
     "day", "run", "pair", "offset_ms", "sigma_offset_ms", "drift_ms_per_count", "sigma_drift_ms_per_count",
-    "correlation", "t0", "points", "file",
+    "correlation", "t0", "points", "file", "mode", "simulated",
 )  # fmt: skip
 
 
@@ -76,6 +78,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=OUTLIERS[0],
         help="out of all, out of M alone, or in everything",
     )
+    add(
+        "--edits",
+        type=Path,
+        metavar="FILE",
+        help="points to leave out by hand: an edit log, as the Crossover tab saves it",
+    )
+    add("--mode", type=int, metavar="M", help="vehicle of these sets; of a campaign take only its runs")
     add("--day", metavar="D", help="day of these sets, for --out; of a campaign take only that day's runs")
     add("--run", metavar="R", help="run of these sets, for --out; of a campaign take only runs of that name")
     add("--out", type=Path, metavar="OFFSETS.csv", help="table of the offsets, which `constancy` reads")
@@ -91,17 +100,60 @@ def run(args: argparse.Namespace) -> dict:
         raise InputError("no crossover set given; wanted CROSSOVER files or --set FILE LEFT RIGHT")
     if args.out and (args.day is None or args.run is None):
         raise InputError("--out needs --day and --run, which the table names")
+    _keep_inputs(args)
     survey = read_survey(args.arrays)
     profile = read_profile(args.profile, args.profile_speeds)
     answers, sets, failed = fit_sets(args, survey, profile)
+    simulated = _is_simulated(args, sets)
+    answer = {"sets": answers, "failed_sets": failed, **_together(args, answers, sets, survey, profile)}
     if args.out:
-        write_text(args.out, offsets_csv(answers, args.day, args.run))
-    answer = {
-        "sets": answers,
-        "failed_sets": failed,
-        "one_offset": one_offset(answers),
-        "simulated": _is_simulated(args, sets),
-    }
+        write_text(args.out, offsets_csv(answers, args.day, args.run, simulated))
+    return {**answer, "simulated": simulated}
+
+
+def fit_sets(args: argparse.Namespace, survey: ArraySurvey, profile: SoundSpeedProfile):
+    """Answers and sets of all files, and those of no use with the reason. Raises InputError where none is of use.
+
+    The sets are without the points left out by hand.
+    """
+    noise = _told_noise(args.covariance)
+    edits, mode = _edits_of_sets(args)
+    named = [(path, None) for path in args.crossover] + [_told(*one) for one in args.set]
+    answers, sets, failed, taken = [], [], [], set()
+    for path, pair in named:
+        try:
+            if path.resolve() in taken:
+                raise InputError("is named twice; it is taken once")
+            taken.add(path.resolve())
+            reading = read_crossover(path, survey, pair)
+            doubts = set_doubts(reading.set, survey)
+            tell(path.name, reading.bad_records, [*reading.notes, *doubts])
+            answer = fit_set(
+                args, path, reading.set, survey, profile, noise, edits.excluded(reading.set, mode)
+            )
+        except InputError as error:
+            failed.append({"file": str(path), "why": str(error)})
+            continue
+        answers.append({**answer, "mode": args.mode, "remarks": doubts})
+        sets.append(edits.kept(reading.set, mode))
+    if not answers:
+        raise InputError(f"no crossover set is of use; {failed[0]['file']}: {failed[0]['why']}")
+    tell(profile.name, (), profile_doubts(profile, survey, {n for one in sets for n in one.pair}))
+    _tell_edits(args, edits, answers)
+    for one in failed:
+        print(f"timing: {one['file']} is no use: {one['why']}; the other sets go on", file=sys.stderr)
+    return answers, sets, failed
+
+
+def fit_set(args, path, crossover, survey, profile, noise, left_out) -> dict:
+    """The answer for one set without the points (T,) left out by hand."""
+    options = {"method": args.method, "outliers": args.outliers, "left_out": left_out}
+    return document(path, crossover, fit_timing(crossover, survey, profile, noise, **options), left_out)
+
+
+def _together(args, answers, sets, survey, profile) -> dict:
+    """What the sets of one run say together."""
+    answer = {"one_offset": one_offset(answers)}
     if args.causes:
         try:
             answer |= causes_document(compare_causes(sets, survey, profile))
@@ -110,28 +162,27 @@ def run(args: argparse.Namespace) -> dict:
     return answer
 
 
-def fit_sets(args: argparse.Namespace, survey: ArraySurvey, profile: SoundSpeedProfile):
-    """Answers and sets of all files, and those of no use with the reason. Raises InputError where none is of use."""
-    noise = None if args.covariance is None else _told_noise(args.covariance)
-    named = [(path, None) for path in args.crossover] + [_told(*one) for one in args.set]
-    answers, sets, failed = [], [], []
-    for path, pair in named:
-        try:
-            reading = read_crossover(path, survey, pair)
-            doubts = set_doubts(reading.set, survey)
-            tell(path.name, reading.bad_records, [*reading.notes, *doubts])
-            fit = fit_timing(reading.set, survey, profile, noise, method=args.method, outliers=args.outliers)
-        except InputError as error:
-            failed.append({"file": str(path), "why": str(error)})
-            continue
-        answers.append({**document(path, reading.set, fit), "remarks": doubts})
-        sets.append(reading.set)
-    if not answers:
-        raise InputError(f"no crossover set is of use; {failed[0]['file']}: {failed[0]['why']}")
-    tell(profile.name, (), profile_doubts(profile, survey, {n for one in sets for n in one.pair}))
-    for one in failed:
-        print(f"timing: {one['file']} is no use: {one['why']}; the other sets go on", file=sys.stderr)
-    return answers, sets, failed
+def _edits_of_sets(args: argparse.Namespace) -> tuple[PointEdits, int]:
+    """The edit log, and the vehicle under which it knows the points of crossover files."""
+    edits = read_edits(args.edits)
+    modes = sorted({edit.mode for edit in edits.log})
+    if args.mode is None and len(modes) > 1:
+        raise InputError(
+            f"{args.edits.name}: found points of modes {', '.join(map(str, modes))}; choose the vehicle of these sets "
+            "with --mode"
+        )
+    return edits, (modes or [0])[0] if args.mode is None else args.mode
+
+
+def _tell_edits(args: argparse.Namespace, edits: PointEdits, answers: list[dict]) -> None:
+    """Says how many points of an edit log are in none of the sets."""
+    missed = len(edits.reasons) - sum(len(one["left_out_counts"]) for one in answers)
+    if missed > 0:
+        tell(
+            args.edits.name,
+            (),
+            [f"{missed} of {len(edits.reasons)} points left out are in none of these sets"],
+        )
 
 
 def one_offset(answers: list[dict]) -> dict | None:
@@ -186,37 +237,62 @@ def run_campaign(args: argparse.Namespace) -> dict:
     """The answer for every set of every run of a campaign; its T-files are gated on the way."""
     if args.crossover or args.set or args.arrays or args.profile:
         raise InputError("--campaign names its files itself; wanted either it or crossover sets")
+    campaign = chosen_runs(args.campaign, args.day, args.run, args.mode)
+    _keep_inputs(args, campaign)
+    noise, edits = _told_noise(args.covariance), read_edits(args.edits)
+    _refuse_namesakes(args, edits, campaign)
     done, failed = each_run(
-        "timing", chosen_runs(args.campaign, args.day, args.run), lambda one: fit_run(args, one)
+        "timing", campaign, lambda one: fit_run(args, one, noise, edits.of_source(one.tfile.name))
     )
-    answers = [
-        {"day": one.day, "run": one.run, "vehicle": one.vehicle, **fit}
-        for one, (fits, _) in done
-        for fit in fits
-    ]
+    answers = [answer for _, (fits, _) in done for answer in fits]
+    simulated = any(run["simulated"] for _, (_, run) in done)
+    _tell_edits(args, edits, answers)
     if args.out:
-        write_text(args.out, offsets_csv(answers))
-    simulated = any(simulated for _, (_, simulated) in done)
-    return {"sets": answers, "failed_runs": failed, "simulated": simulated}
+        rows = [{**answer, "run": _run_name(campaign, answer)} for answer in answers]
+        write_text(args.out, offsets_csv(rows, simulated=simulated))
+    runs = [run for _, (_, run) in done]
+    return {"sets": answers, "runs": runs, "failed_runs": failed, "simulated": simulated}
 
 
-def fit_run(args: argparse.Namespace, one: CampaignRun) -> tuple[list[dict], bool]:
-    """The answers for every set of one run of a campaign, and whether the run is simulated."""
+def fit_run(args, one: CampaignRun, noise: np.ndarray | None, edits: PointEdits) -> tuple[list[dict], dict]:
+    """The answers for every set of one run of a campaign, and what they say together."""
     survey = read_survey(one.arrays)
     profile = read_profile(one.profile, args.profile_speeds)
     tfile = read_tfile(one.tfile, one.header_records, one.mode)
     gated = gate_reports(tfile.reports, survey, one.mode, run_date=tfile.run_date)
     doubts = profile_doubts(profile, survey, {n for crossover in gated.sets for n in crossover.pair})
     tell(f"timing: {one}", gated.bad_records, (*tfile.doubts, *gated.warnings, *doubts))
-    folder, answers = Path(f"day_{one.day}_run_{one.run}_mode_{one.mode}"), []
+    known = {**{key: getattr(one, key) for key in RUN_KEYS}, "vehicle": one.vehicle}
+    answers = []
     for crossover in gated.sets:
-        fit = fit_timing(crossover, survey, profile, method=args.method, outliers=args.outliers)
-        answers.append(document(folder / crossover_file_name(crossover), crossover, fit))
-    return answers, tfile.simulated
+        path = Path(one.folder) / crossover_file_name(crossover)
+        left_out = edits.excluded(crossover, one.mode)
+        answers.append({**known, **fit_set(args, path, crossover, survey, profile, noise, left_out)})
+    kept = [edits.kept(crossover, one.mode) for crossover in gated.sets]
+    together = _together(args, answers, kept, survey, profile)
+    return answers, {**known, **together, "simulated": tfile.simulated}
 
 
-def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -> dict:
-    """One set's correction under the keys that others rely on."""
+def _refuse_namesakes(args: argparse.Namespace, edits: PointEdits, campaign: Campaign) -> None:
+    """Raises InputError where a log would leave points out of two T-files, as it knows them by name alone."""
+    names = [file.name for file in {one.tfile for one in campaign.runs}]
+    if twice := {name for name in names if names.count(name) > 1 and len(edits.of_source(name))}:
+        raise InputError(
+            f"{args.edits.name}: T-files stand there without their folder, and two of these runs have a {min(twice)}; "
+            "choose one run with --day and --run"
+        )
+
+
+def _run_name(campaign: Campaign, answer: dict) -> str:
+    """The run for the table of offsets; vehicles of one run, each with its own clock, are runs of their own there."""
+    together = campaign.select({answer["day"]}, {answer["run"]}).runs
+    return answer["run"] if len(together) == 1 else f"{answer['run']} mode {answer['mode']}"
+
+
+def document(
+    path: Path | str, crossover: CrossoverSet, fit: TimingCorrection, left_out: np.ndarray | None = None
+) -> dict:
+    """One set's correction under the keys that others rely on; `left_out` (T,) is true at points left out by hand."""
 
     def milli(value):
         return None if value is None else 1e3 * value
@@ -233,6 +309,7 @@ def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -
         "points": fit.points,
         "in_shadow": fit.in_shadow,
         "excluded_counts": crossover.point_count[fit.excluded].tolist(),
+        "left_out_counts": [] if left_out is None else crossover.point_count[left_out].tolist(),
         "M_ft2": None if fit.noise is None else fit.noise.tolist(),
         "noise_points": fit.noise_points,
         "method": fit.method,
@@ -250,7 +327,7 @@ def document(path: Path | str, crossover: CrossoverSet, fit: TimingCorrection) -
     }
 
 
-def offsets_csv(answers: list[dict], day: str = "", run_name: str = "") -> str:
+def offsets_csv(answers: list[dict], day: str = "", run_name: str = "", simulated: bool = False) -> str:
     """The table of offsets: day, run, pair, offset_ms, and the other columns of Table 1 (Read 1990).
 
     day, run_name : of the answers that do not name theirs
@@ -263,69 +340,30 @@ def offsets_csv(answers: list[dict], day: str = "", run_name: str = "") -> str:
         if not answer["points"]:
             continue
         pair = "-".join(map(str, answer["pair"]))
-        named = {"day": day, "run": run_name, **answer, "pair": pair, "file": Path(answer["file"]).name}
+        label = {"simulated": "yes" if simulated else "", "file": Path(answer["file"]).name}
+        named = {"day": day, "run": run_name, **answer, "pair": pair, **label}
         table.writerow(named)
     return out.getvalue()
 
 
-def report(answer: dict) -> str:
-    """The answer of `timing` for a person, a line a set."""
-    lines = ["pair       T   about count   offset (ms)        drift (ms/count)      rms gap (ft)"]
-    lines += [_set_line(one) for one in answer["sets"]]
-    for name, one in (answer.get("one_offset") or {}).items():
-        kind = "one offset for all sets" if name == "constant" else "one offset and one drift"
-        verdict = "serves" if one["p_value"] > SERVES else "does not serve"
-        lines.append(
-            f"{kind} {verdict}: {one['mean_offset_ms']:.3f} ± {one['sigma_mean_offset_ms']:.3f} ms, distance "
-            f"{one['distance']:.1f} with {one['dof']} degrees of freedom, p {one['p_value']:.2g}"
-        )
-    if "causes" in answer:
-        lines += _cause_lines(answer)
-    lines += [f"{one['file']} is no use: {one['why']}" for one in answer.get("failed_sets", ())]
-    lines += failures_report(answer.get("failed_runs", []))
-    if answer["simulated"]:
-        lines.append("SIMULATED data")
-    return "\n".join(lines)
-
-
-def _set_line(one: dict) -> str:
-    """One set's correction; passes of one pair are told apart by the count that the offset holds at."""
-    pair = "{}-{}".format(*one["pair"])
-    shadow = f"   {one['in_shadow']} points in shadow" if one["in_shadow"] else ""
-    if not one["points"]:
-        return f"{pair:8} {0:3d}   no offset: {one['reason']}{shadow}"
-    start = f"{pair:8} {one['points']:3d}   {one['t0']:11.1f}   {one['offset_ms']:7.3f}"
-    if one["sigma_offset_ms"] is None:
-        even = one["isotropic_sigma_offset_ms"]
-        also = "" if even is None else f"; with equal noise on every axis ± {even:.2g}"
-        return f"{start}, no sigma: {one['reason']}{also}{shadow}"
-    apart = f"   still apart: {', '.join(one['separated'])}" if one["separated"] else ""
-    outliers = len(one["excluded_counts"]) - one["in_shadow"]
-    left_out = f"   {outliers} outlier{'s' * (outliers > 1)} left out" if outliers else ""
-    return (
-        f"{start} ± {one['sigma_offset_ms']:.3f}   "
-        f"{one['drift_ms_per_count']:9.4f} ± {one['sigma_drift_ms_per_count']:.4f}   "
-        f"{one['rms_before_ft']:.1f} -> {one['rms_after_ft']:.1f}{left_out}{shadow}{apart}"
-    )
-
-
-def _cause_lines(answer: dict) -> list[str]:
-    """The comparison of causes, and of the best what it amounts to and what it cannot be told from."""
-    best = next(one for one in answer["causes"] if one["cause"] == answer["best_cause"])
-    several = len(answer["sets"]) > 1
-    lines = ["", f"what fits {'all sets together' if several else 'the set'}: {best['cause']}"]
-    for name, one in best["parameters"].items():
-        lines.append(f"    {name}: {value_with_sigma(one['estimate'], one['sigma'], '').strip()}")
-    lines += [f"    these sets cannot tell it from {other}" for other in best["alike"]]
-    lines += [f"    the geometry hardly separates {one} and {two}" for one, two in best["hardly_separated"]]
-    lines.append(f"{'cause':60}  AICc above best   chi-square   held out")
-    for one in answer["causes"]:
-        held_out = one["held_out_per_number"]
-        lines.append(
-            f"{one['cause']:60}  {one['aicc_above_best']:15.1f}   {one['chi_square_per_number']:10.3f}   "
-            f"{'' if held_out is None else format(held_out, '8.3f')}"
-        )
-    return lines + [f"took no part: {why}" for why in answer["causes_skipped_sets"]]
+def _keep_inputs(args: argparse.Namespace, campaign: Campaign | None = None) -> None:
+    """Raises InputError where the table of offsets would be written over a file that is read."""
+    read = {
+        "array table": args.arrays,
+        "profile": args.profile,
+        "campaign": args.campaign,
+        "edit log": args.edits,
+    }
+    read |= {
+        f"crossover file {path}": path for path in (*args.crossover, *(Path(one[0]) for one in args.set))
+    }
+    for one in campaign.runs if campaign else ():
+        read |= {
+            f"T-file of {one}": one.tfile,
+            f"array table of {one}": one.arrays,
+            f"profile of {one}": one.profile,
+        }
+    keep_inputs({"--out": args.out}, read)
 
 
 def _told(file: str, left: str, right: str) -> tuple[Path, tuple[int, int]]:
@@ -335,8 +373,10 @@ def _told(file: str, left: str, right: str) -> tuple[Path, tuple[int, int]]:
         raise InputError(f"--set {file} {left} {right}: wanted two array numbers after the file") from None
 
 
-def _told_noise(path: Path) -> np.ndarray:
-    """M (3, 3) of a file, or from both files of covariances in a folder."""
+def _told_noise(path: Path | None) -> np.ndarray | None:
+    """M (3, 3) of a file, or from both files of covariances in a folder; None where none is told."""
+    if path is None:
+        return None
     if not path.is_dir():
         return read_m_matrix(path)
     of_x, of_y, cross = read_covariances(path)

@@ -75,6 +75,10 @@ class PointEdits:
         counts = [point[3] for point in self.reasons if point[:3] == pair]
         return np.isin(crossover.point_count, counts)
 
+    def of_source(self, name: str) -> PointEdits:
+        """The edits of points that came from the file of this name."""
+        return PointEdits(tuple(edit for edit in self.log if edit.source == name))
+
     def kept(self, crossover: CrossoverSet, mode: int) -> CrossoverSet:
         """A set without the points left out."""
         return crossover.only(~self.excluded(crossover, mode)) if self.log else crossover

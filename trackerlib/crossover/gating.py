@@ -110,7 +110,7 @@ def gate_reports(
         unplaced_arrays=unplaced_arrays,
         bad_records=reports.bad_records,
         warnings=(
-            *_warnings(reports, sets, survey, mode, unplaced_arrays, run_date),
+            *_warnings(reports, len(vehicle), sets, survey, mode, unplaced_arrays, run_date),
             *report_doubts(vehicle.position[some], vehicle.array[some], survey, max_slant_range_ft),
         ),
         source=reports.source,
@@ -203,12 +203,14 @@ def _places(array: np.ndarray, survey: ArraySurvey) -> tuple[int, np.ndarray]:
     return lowest, place
 
 
-def _warnings(reports, sets, survey, mode, unplaced_arrays, run_date) -> list[str]:
+def _warnings(reports, of_vehicle, sets, survey, mode, unplaced_arrays, run_date) -> list[str]:
     warnings = []
     if not (mode in reports.other_modes or np.any(reports.mode == mode)):
         modes = sorted({*reports.other_modes, *np.unique(reports.mode).tolist()})
         have = ", ".join(map(str, modes))
         warnings.append(f"no report has mode {mode}; the file has modes {have}")
+    elif not of_vehicle:
+        warnings.append(f"every report of mode {mode} bears an edit mark")
     for array, count in unplaced_arrays.items():
         row = int(survey.index_of(np.array([array]))[0])
         why = "is a placeholder in the array table" if row >= 0 else "is not in the array table"

@@ -14,11 +14,14 @@ from __future__ import annotations
 import json
 import tomllib
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
+from urllib.parse import quote
 
 from trackerlib.rangefiles.tfile import HEADER_RECORDS
 from trackerlib.textfiles import InputError, decode_lines, read_bytes, write_text
 
+_KEYS = {"name", "arrays", "profiles", "runs"}
 _RUN_KEYS = {"day", "run", "tfile", "mode", "vehicle", "arrays", "profile", "header_records"}
 
 
@@ -34,6 +37,11 @@ class CampaignRun:
     profile: Path
     vehicle: str = ""
     header_records: int = HEADER_RECORDS
+
+    @property
+    def folder(self) -> str:
+        """Name of a folder for what comes of this run; a day may be 6/20/85."""
+        return f"day_{quote(self.day, safe=' ')}_run_{quote(self.run, safe=' ')}_mode_{self.mode}"
 
     def __str__(self) -> str:
         vehicle = f"{self.vehicle} (mode {self.mode})" if self.vehicle else f"mode {self.mode}"
@@ -83,6 +91,7 @@ def parse_campaign(content: bytes, name: str, folder: Path | None = None) -> Cam
 def _campaign(content, name: str, folder: Path | None) -> Campaign:
     if not isinstance(content, dict):
         raise InputError(f"{name}: found {type(content).__name__}, wanted name, arrays, profiles and runs")
+    _refuse_unknown(content, _KEYS, f"{name}, key ")
     entries = content.get("runs")
     if not isinstance(entries, list) or not entries:
         raise InputError(f"{name}, key runs: found {entries!r}, wanted a list of one run or more")
@@ -119,19 +128,18 @@ def write_campaign(path: str | Path, campaign: Campaign) -> None:
 def _run(entry, arrays, profiles: dict, folder: Path | None, where: str) -> CampaignRun:
     if not isinstance(entry, dict):
         raise InputError(f"{where}: found {entry!r}, wanted day, run, tfile and mode")
-    for key in entry.keys() - _RUN_KEYS:
-        raise InputError(f"{where}.{key}: no such key; there are {', '.join(sorted(_RUN_KEYS))}")
+    _refuse_unknown(entry, _RUN_KEYS, f"{where}.")
     for key in ("day", "run", "tfile", "mode"):
         if key not in entry:
             raise InputError(f"{where}.{key}: is missing")
-    day = str(entry["day"])
+    day, run = (_name(entry[key], f"{where}.{key}") for key in ("day", "run"))
     header = entry.get("header_records", HEADER_RECORDS)
     for key, value in (("mode", entry["mode"]), ("header_records", header)):
         if not isinstance(value, int) or isinstance(value, bool) or value < 0:
             raise InputError(f"{where}.{key}: found {value!r}, wanted a whole number")
     return CampaignRun(
         day=day,
-        run=str(entry["run"]),
+        run=run,
         tfile=_file(entry["tfile"], folder, f"{where}.tfile"),
         mode=entry["mode"],
         arrays=_file(entry.get("arrays", arrays), folder, f"{where}.arrays"),
@@ -139,6 +147,18 @@ def _run(entry, arrays, profiles: dict, folder: Path | None, where: str) -> Camp
         vehicle=str(entry.get("vehicle", "")),
         header_records=header,
     )
+
+
+def _refuse_unknown(entry: dict, keys: set[str], where: str) -> None:
+    for key in sorted(entry.keys() - keys):
+        raise InputError(f"{where}{key}: no such key; there are {', '.join(sorted(keys))}")
+
+
+def _name(value, where: str) -> str:
+    """A day or a run as text; TOML knows dates."""
+    if isinstance(value, bool) or not isinstance(value, str | int | float | date) or not str(value).strip():
+        raise InputError(f"{where}: found {value!r}, wanted a name or a number")
+    return str(value).strip()
 
 
 def _file(name, folder: Path | None, where: str) -> Path:

@@ -17,6 +17,8 @@ NEEDED = ("day", "run", "pair", "offset_ms")
 def read_offsets(path: str | Path) -> tuple[OffsetTable, tuple[BadRecord, ...]]:
     """The offsets of a table with columns day, run, pair, offset_ms (others may stand beside them).
 
+    They are simulated where a remark says so or a column `simulated` says yes.
+
     Rows that cannot be read are kept apart with their line numbers; lines that begin with # are remarks.
     Raises InputError for a file without those columns or without a row.
     """
@@ -28,8 +30,10 @@ def parse_offsets(lines: list[str], name: str) -> tuple[OffsetTable, tuple[BadRe
     header: list[str] | None = None
     rows: list[tuple[str, str, str, float]] = []
     bad: list[BadRecord] = []
+    simulated = False
     for number, line in enumerate(lines, 1):
         if not line.strip() or line.lstrip().startswith("#"):
+            simulated |= "simulated" in line.lower()
             continue
         cells = [cell.strip() for cell in next(csv.reader([line]))]
         if header is None:
@@ -43,12 +47,12 @@ def parse_offsets(lines: list[str], name: str) -> tuple[OffsetTable, tuple[BadRe
         named = dict(zip(header, cells, strict=False))
         try:
             rows.append(_row(named))
+            simulated |= named.get("simulated", "").lower() == "yes"
         except ValueError as error:
             bad.append(BadRecord(number, str(error)))
     if not rows:
         raise InputError(f"{name}: found no offset; wanted rows of {', '.join(NEEDED)}")
     day, run, pair, offset_ms = zip(*rows, strict=True)
-    simulated = any("simulated" in line.lower() for line in lines if line.lstrip().startswith("#"))
     table = OffsetTable(
         np.array(day), np.array(run), np.array(pair), 1e-3 * np.array(offset_ms), name, simulated
     )
