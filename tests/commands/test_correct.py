@@ -156,6 +156,28 @@ def test_the_whole_track_is_written_too(tmp_path, data, capsys):
     assert answer["mean_jump_after_ft"] < 0.5 * answer["mean_jump_before_ft"]
 
 
+def test_a_calibration_is_in_the_track_too_and_every_hand_over_is_written(tmp_path, data, call):
+    shift = {"arrays": [{"array": 3, "rotation": np.eye(3).tolist(), "intercept_ft": [0.0, 0.0, 500.0]}]}
+    (tmp_path / "calibrate.json").write_text(json.dumps(shift))
+    tables = {}
+    for name, more in (("as_surveyed", ()), ("moved", ("--calibration", tmp_path / "calibrate.json"))):
+        files = ("--track", tmp_path / f"{name}.csv", "--hand-overs", tmp_path / f"{name}_jumps.csv")
+        _, answer, _ = call("--mode", 7, "--offset-ms", 2.85, *files, *more)
+        tables[name] = pd.read_csv(tmp_path / f"{name}.csv", comment="#").set_index("point_count").z_ft
+    step = (tables["moved"] - tables["as_surveyed"]).abs()
+    assert step.max() == pytest.approx(500, abs=1)
+    jumps = pd.read_csv(tmp_path / "moved_jumps.csv", comment="#")
+    assert len(jumps) == answer["hand_overs"] > 30
+    of_three = jumps.pair.str.split("-").map(lambda pair: "3" in pair)
+    assert jumps.jump_after_ft[of_three].min() > 400 > jumps.jump_after_ft[~of_three].max()
+
+
+def test_an_output_without_a_folder_is_refused_before_anything_is_written(call, tmp_path):
+    code, _, err = call("--mode", 7, "--offset-ms", 1, "--track", tmp_path / "none/track.csv")
+    assert (code, f"there is no folder {tmp_path / 'none'}" in err) == (2, True)
+    assert not (tmp_path / "corrected.dat").exists()
+
+
 @pytest.mark.parametrize(
     ("option", "name", "words"),
     [

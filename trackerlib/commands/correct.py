@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from trackerlib import __version__
-from trackerlib.commands.range_inputs import keep_inputs, read_profile, read_survey, tell
+from trackerlib.commands.range_inputs import check_outputs, read_profile, read_survey, tell
 from trackerlib.crossover.doubts import profile_doubts, report_doubts
 from trackerlib.crossover.gating import MAX_SLANT_RANGE_FT, gate_mode_and_flag
 from trackerlib.rangefiles.calibration_file import read_calibration
 from trackerlib.rangefiles.corrected_tfile import CorrectedCopy, corrected_copy
-from trackerlib.rangefiles.run_track_file import run_track_csv
+from trackerlib.rangefiles.run_track_file import hand_overs_csv, run_track_csv
 from trackerlib.rangefiles.tfile import CORRECTED, HEADER_RECORDS, TFileReading, parse_tfile
 from trackerlib.textfiles import InputError, read_bytes, write_bytes, write_text
 from trackerlib.timing.run_track import RunTrack, correct_run
@@ -26,7 +26,7 @@ SUMMARY = "write a copy of a T-file with its positions corrected"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `correct`."""
     add = parser.add_argument
-    add("tfile", type=Path, metavar="TFILE")
+    add("tfile", type=Path, metavar="TFILE", help="fixed-column position reports of a run")
     add("--arrays", type=Path, required=True, metavar="FILE", help="array table")
     add("--profile", type=Path, required=True, metavar="VELOCITY.DAT", help="sound-speed table, ft and ft/s")
     add("--profile-speeds", choices=("middle", "boundary"), default="middle", help="where its speeds belong")
@@ -35,9 +35,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--t0", type=float, metavar="T", help="point count at which the offset holds; needed with a drift")
     add("--calibration", type=Path, metavar="CALIBRATE.json", help="rotation and intercept of each array")
     add("--mode", type=int, metavar="M", help="only this vehicle (default: all)")
-    add("--header-records", type=int, default=HEADER_RECORDS, metavar="N", help="default 31")
+    add("--header-records", type=int, default=HEADER_RECORDS, metavar="N", help="to skip (default 31)")
     add("--track", type=Path, metavar="CSV", help="also the whole merged track of the vehicle of --mode")
-    add("--max-slant-range-ft", type=float, default=MAX_SLANT_RANGE_FT, metavar="R", help="of --track")
+    add("--hand-overs", type=Path, metavar="CSV", help="also the jumps of that track where arrays take over")
+    add(
+        "--max-slant-range-ft",
+        type=float,
+        default=MAX_SLANT_RANGE_FT,
+        metavar="R",
+        help="how far from an array its reports are taken into that track (default 4700)",
+    )
     add("--out", type=Path, required=True, metavar="FILE", help="the copy")
 
 
@@ -49,51 +56,51 @@ def run(args: argparse.Namespace) -> dict:
     movements = read_calibration(args.calibration) if args.calibration else {}
     content = read_bytes(args.tfile)
     tfile = parse_tfile(content, args.tfile.name, args.header_records)
-    corrected = correct_reports(
-        tfile.reports,
-        survey,
-        profile,
-        1e-3 * args.offset_ms,
-        1e-3 * args.drift_ms_per_count,
-        args.t0 or 0.0,
-        args.mode,
-        movements,
-    )
+    corrected = correct_reports(tfile.reports, survey, profile, *_clock(args), args.mode, movements)
     done = provenance(args, content)
     copy = corrected_copy(content, tfile, corrected.which, corrected.position, done)
-    track = _whole_track(args, tfile, survey, profile) if args.track else None
-    write_bytes(args.out, copy.content)
     warnings = [*tfile.doubts, *_warnings(args, tfile, survey, profile, corrected, copy)]
     tell("correct", (), warnings)
     answer = document(args, tfile, corrected, copy, warnings)
-    if track is not None:
-        write_text(args.track, run_track_csv(track, done, tfile.simulated))
-        before, after = track.mean_jump
-        answer |= {
-            "track": str(args.track),
-            "track_points": len(track.track),
-            "hand_overs": len(track.hand_overs),
-            "mean_jump_before_ft": before,
-            "mean_jump_after_ft": after,
-        }
+    if args.track or args.hand_overs:
+        track = _whole_track(args, tfile, survey, profile, movements)
+        for path, text in ((args.track, run_track_csv), (args.hand_overs, hand_overs_csv)):
+            if path:
+                write_text(path, text(track, done, tfile.simulated))
+        answer |= _track_document(args, track)
+    write_bytes(args.out, copy.content)
     return answer
 
 
-def _whole_track(args, tfile: TFileReading, survey, profile) -> RunTrack:
+def _clock(args: argparse.Namespace) -> tuple[float, float, float]:
+    """Offset (s), drift (s a count) and the count at which the offset holds."""
+    return 1e-3 * args.offset_ms, 1e-3 * args.drift_ms_per_count, args.t0 or 0.0
+
+
+def _whole_track(args, tfile: TFileReading, survey, profile, movements) -> RunTrack:
     if args.mode is None:
-        raise InputError("--track needs --mode, the vehicle")
+        option = "--track" if args.track else "--hand-overs"
+        raise InputError(f"{option} needs --mode, the vehicle")
+    vehicle = gate_mode_and_flag(tfile.reports, args.mode)
     try:
         return correct_run(
-            gate_mode_and_flag(tfile.reports, args.mode),
-            survey,
-            profile,
-            args.max_slant_range_ft,
-            1e-3 * args.offset_ms,
-            1e-3 * args.drift_ms_per_count,
-            args.t0 or 0.0,
+            vehicle, survey, profile, args.max_slant_range_ft, *_clock(args), movements=movements
         )
     except ValueError as error:
         raise InputError(f"{args.tfile.name}: {error}") from None
+
+
+def _track_document(args: argparse.Namespace, track: RunTrack) -> dict:
+    """The whole track in numbers, and the files that hold it."""
+    before, after = track.mean_jump
+    return {
+        "track": None if args.track is None else str(args.track),
+        "hand_overs_file": None if args.hand_overs is None else str(args.hand_overs),
+        "track_points": len(track.track),
+        "hand_overs": len(track.hand_overs),
+        "mean_jump_before_ft": before,
+        "mean_jump_after_ft": after,
+    }
 
 
 def provenance(args: argparse.Namespace, content: bytes) -> str:
@@ -149,10 +156,11 @@ def report(answer: dict) -> str:
     lines += [f"line {record['line']}: {record['why']}" for record in bad[:10]]
     lines += [f"... and {len(bad) - 10} more such lines"] if len(bad) > 10 else []
     if "track" in answer:
+        files = " and ".join(name for name in (answer["track"], answer["hand_overs_file"]) if name)
         lines.append(
-            f"whole track of {answer['track_points']} counts written to {answer['track']}; its "
-            f"{answer['hand_overs']} hand-overs jump {answer['mean_jump_after_ft']:.1f} ft, before "
-            f"{answer['mean_jump_before_ft']:.1f} ft (rms)"
+            f"whole track of {answer['track_points']} counts: its {answer['hand_overs']} hand-overs jump "
+            f"{answer['mean_jump_after_ft']:.1f} ft, before {answer['mean_jump_before_ft']:.1f} ft (rms); written to "
+            f"{files}"
         )
     return "\n".join(lines)
 
@@ -164,8 +172,8 @@ def _check(args: argparse.Namespace) -> None:
             raise InputError(f"--{name.replace('_', '-')} is {value}, wanted a number")
     if args.drift_ms_per_count and args.t0 is None:
         raise InputError("--drift-ms-per-count needs --t0, the point count at which the offset holds")
-    keep_inputs(
-        {"--out": args.out, "--track": args.track},
+    check_outputs(
+        {"--out": args.out, "--track": args.track, "--hand-overs": args.hand_overs},
         {"T-file": args.tfile, "array table": args.arrays, "profile": args.profile,
          "calibration": args.calibration},
     )  # fmt: skip
@@ -184,7 +192,11 @@ def _warnings(args, tfile, survey, profile, corrected, copy) -> list[str]:
         warnings.append(
             f"no direct ray joins {corrected.in_shadow} reports to their array; left as they were"
         )
+    if not (args.offset_ms or args.drift_ms_per_count or args.calibration):
+        warnings.append("no offset, drift or calibration is told: the copy holds the positions as they were")
     if args.mode is not None and not np.any(tfile.reports.mode == args.mode):
         warnings.append(f"no report has mode {args.mode}; nothing was corrected")
-    warnings += [f"line {record.line}: {record.why}" for record in copy.too_wide]
+    if copy.too_wide:
+        first, more = copy.too_wide[0], len(copy.too_wide) - 1
+        warnings.append(f"line {first.line}: {first.why}" + (f"; so are {more} more" if more else ""))
     return warnings

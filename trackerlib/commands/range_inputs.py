@@ -46,8 +46,8 @@ def tell(name: str, bad_records: Iterable[BadRecord], notes: Iterable[str]) -> N
         print(f"{name}: {note}", file=sys.stderr)
 
 
-def keep_inputs(written: dict[str, Path | None], read: dict[str, Path | None]) -> None:
-    """Raises InputError where a file to be written is one of those read, or two are to be written to one.
+def check_outputs(written: dict[str, Path | None], read: dict[str, Path | None]) -> None:
+    """Raises InputError where a file cannot be written: it is one that is read or written too, or has no folder.
 
     written, read : options, and what the files are; None where one is not told
     """
@@ -58,6 +58,10 @@ def keep_inputs(written: dict[str, Path | None], read: dict[str, Path | None]) -
         for what, other in read.items():
             if other is not None and path.is_file() and other.is_file() and path.samefile(other):
                 raise InputError(f"{option} is {path}, the {what} itself; wanted another file")
+        if not path.parent.is_dir():
+            raise InputError(
+                f"{option} is {path}, and there is no folder {path.parent}; wanted one that is there"
+            )
         place = Path(os.path.realpath(path))
         if place in taken:
             raise InputError(f"{option} is {path}, the file of {taken[place]} too; wanted another file")

@@ -12,7 +12,7 @@ import numpy as np
 
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.commands.campaign_runs import RUN_KEYS, chosen_runs, each_run
-from trackerlib.commands.range_inputs import keep_inputs, read_edits, read_profile, read_survey, tell
+from trackerlib.commands.range_inputs import check_outputs, read_edits, read_profile, read_survey, tell
 from trackerlib.commands.timing_report import report
 from trackerlib.crossover.doubts import profile_doubts, set_doubts
 from trackerlib.crossover.edits import PointEdits
@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> dict:
         raise InputError("no crossover set given; wanted CROSSOVER files or --set FILE LEFT RIGHT")
     if args.out and (args.day is None or args.run is None):
         raise InputError("--out needs --day and --run, which the table names")
-    _keep_inputs(args)
+    _check_out(args)
     survey = read_survey(args.arrays)
     profile = read_profile(args.profile, args.profile_speeds)
     answers, sets, failed = fit_sets(args, survey, profile)
@@ -238,7 +238,7 @@ def run_campaign(args: argparse.Namespace) -> dict:
     if args.crossover or args.set or args.arrays or args.profile:
         raise InputError("--campaign names its files itself; wanted either it or crossover sets")
     campaign = chosen_runs(args.campaign, args.day, args.run, args.mode)
-    _keep_inputs(args, campaign)
+    _check_out(args, campaign)
     noise, edits = _told_noise(args.covariance), read_edits(args.edits)
     _refuse_namesakes(args, edits, campaign)
     done, failed = each_run(
@@ -346,7 +346,7 @@ def offsets_csv(answers: list[dict], day: str = "", run_name: str = "", simulate
     return out.getvalue()
 
 
-def _keep_inputs(args: argparse.Namespace, campaign: Campaign | None = None) -> None:
+def _check_out(args: argparse.Namespace, campaign: Campaign | None = None) -> None:
     """Raises InputError where the table of offsets would be written over a file that is read."""
     read = {
         "array table": args.arrays,
@@ -363,7 +363,7 @@ def _keep_inputs(args: argparse.Namespace, campaign: Campaign | None = None) -> 
             f"array table of {one}": one.arrays,
             f"profile of {one}": one.profile,
         }
-    keep_inputs({"--out": args.out}, read)
+    check_outputs({"--out": args.out}, read)
 
 
 def _told(file: str, left: str, right: str) -> tuple[Path, tuple[int, int]]:

@@ -13,12 +13,13 @@ from trackerlib.rangefiles.crossover_file import write_trpdotrx
 from trackerlib.rangefiles.m_matrix_file import write_m_matrix
 
 
-def write_report_files(folder: Path, crossover: CrossoverSet, survey: ArraySurvey) -> list[Path]:
+def write_report_files(folder: str | Path, crossover: CrossoverSet, survey: ArraySurvey) -> list[Path]:
     """Writes TRPDOTRX.DAT, and where the points are enough OUTPUT1.COV, OUTPUT2.COV and MMATRIX.M; which files.
 
     The covariances are those of all points about straight lines, by `residual_noise`. PRINCOM3's X is the second
     array of the pair and its Y the first (Read 1990, appendix E).
     """
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     track, matrix = folder / "TRPDOTRX.DAT", folder / "MMATRIX.M"
     write_trpdotrx(track, crossover, survey)

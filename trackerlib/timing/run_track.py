@@ -17,7 +17,7 @@ from trackerlib.crossover.gating import GAP_COUNTS, gate_slant_range, pair_up
 from trackerlib.crossover.repeats import resolve_repeats
 from trackerlib.crossover.reports import PositionReports
 from trackerlib.crossover.survey import ArraySurvey
-from trackerlib.timing.track_correction import correct_reports
+from trackerlib.timing.track_correction import ArrayMovement, correct_reports
 
 
 @dataclass(frozen=True)
@@ -75,11 +75,13 @@ def correct_run(
     drift_s_per_count: float = 0.0,
     t0: float = 0.0,
     gap_counts: int = GAP_COUNTS,
+    movements: dict[int, ArrayMovement] | None = None,
 ) -> RunTrack:
     """The whole track of one vehicle with one offset and drift, single-array parts included.
 
     reports : of one vehicle, those with an edit mark left out, in order of point count; reports of arrays that
         the survey lacks or holds as placeholders, and of targets beyond max_slant_range, are left out
+    movements : of the arrays by a calibration, as for `correct_reports`
     Raises ValueError where no report is left.
     """
     row = survey.index_of(reports.array)
@@ -89,7 +91,7 @@ def correct_run(
     single, _ = resolve_repeats(near, reports)
     if not len(single):
         raise ValueError("no report of this vehicle lies within range of an array whose position is known")
-    moved = correct_reports(single, survey, profile, offset_s, drift_s_per_count, t0)
+    moved = correct_reports(single, survey, profile, offset_s, drift_s_per_count, t0, movements=movements)
     corrected, reached = single.position.astype(float), np.zeros(len(single), bool)
     corrected[moved.which], reached[moved.which] = moved.position, True
     count, where, arrays = np.unique(single.point_count, return_inverse=True, return_counts=True)
