@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from plain_gates import plain_gating
 
 from trackerlib.crossover import gate_scan
-from trackerlib.crossover.gating import gate_reports, split_passes
+from trackerlib.crossover.gating import gate_reports, gate_slant_range, split_passes
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.repeats import predict_position
 from trackerlib.crossover.reports import PositionReports
@@ -64,6 +64,12 @@ def test_slant_range_is_kept_up_to_the_limit_itself():
     rows = [(1, 0, at), (1, 1, (7000.0, 0, -300))]
     assert gate_reports(reports_of(rows), SURVEY, 7, max_slant_range_ft=1000).counts.kept_range == 2
     assert gate_reports(reports_of(rows), SURVEY, 7, max_slant_range_ft=999.9).counts.kept_range == 0
+
+
+def test_an_array_without_a_surveyed_position_is_within_range_of_nothing():
+    survey = survey_of({0: (0, 0, -1300), 1: MIDDLE, 2: MIDDLE}, placeholder=[2])
+    reports = reports_of([(5, array, MIDDLE) for array in (1, 2, 9)])
+    assert gate_slant_range(reports, survey, 4700).array.tolist() == [1]
 
 
 @pytest.mark.parametrize("arrays", [(0, 1), (0, 1, 2), (3, 1, 0, 2)])

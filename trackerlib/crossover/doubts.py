@@ -60,11 +60,7 @@ def report_doubts(
     position: np.ndarray, number: np.ndarray, survey: ArraySurvey, limit: float, what: str = "T-file"
 ) -> list[str]:
     """Both questions about positions (N, 3) that arrays of these numbers (N,) report; some are enough."""
-    row = survey.index_of(number)
-    known = row >= 0
-    known[known] = ~survey.placeholder[row[known]]
-    place = np.full(position.shape, np.nan)
-    place[known] = survey.position[row[known]]
+    place = survey.places_of(number)
     return unit_doubts(position, place, limit, what) + depth_doubts(position, number, place)
 
 

@@ -135,9 +135,8 @@ def gate_mode_and_flag(reports: PositionReports, mode: int) -> PositionReports:
 def gate_slant_range(
     reports: PositionReports, survey: ArraySurvey, max_slant_range_ft: float
 ) -> PositionReports:
-    """Gate 3 alone: reports at most so far from the surveyed position of the array that made them."""
-    array_position = survey.position[survey.index_of(reports.array)]
-    slant_range = np.linalg.norm(reports.position - array_position, axis=1)
+    """Gate 3 alone: reports at most so far from the array that made them, whose position was surveyed."""
+    slant_range = np.linalg.norm(reports.position - survey.places_of(reports.array), axis=1)
     return reports.only(slant_range <= max_slant_range_ft)
 
 
@@ -195,12 +194,7 @@ def _places(array: np.ndarray, survey: ArraySurvey) -> tuple[int, np.ndarray]:
     if not len(array):
         return 0, np.empty((0, 3))
     lowest = int(array.min())
-    row = survey.index_of(np.arange(lowest, int(array.max()) + 1))
-    place = np.full((len(row), 3), np.nan)
-    known = row >= 0
-    known[known] = ~survey.placeholder[row[known]]
-    place[known] = survey.position[row[known]]
-    return lowest, place
+    return lowest, survey.places_of(np.arange(lowest, int(array.max()) + 1))
 
 
 def _warnings(reports, of_vehicle, sets, survey, mode, unplaced_arrays, run_date) -> list[str]:

@@ -46,11 +46,11 @@ def straight_segments(
     vehicle = gate_mode_and_flag(reports, mode)
     segments = []
     for number in np.unique(vehicle.array).tolist():
-        row = int(survey.index_of(np.array([number]))[0])
-        if row < 0 or survey.placeholder[row]:
-            continue
         own = vehicle.only(vehicle.array == number)
-        own, _ = resolve_repeats(gate_slant_range(own, survey, max_slant_range_ft), own)
+        near = gate_slant_range(own, survey, max_slant_range_ft)
+        if not len(near):
+            continue
+        own, _ = resolve_repeats(near, own)
         cuts = np.flatnonzero(np.diff(own.point_count) > gap_counts) + 1
         pieces = [
             piece

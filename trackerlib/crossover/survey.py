@@ -29,6 +29,15 @@ class ArraySurvey:
         row = order[place]
         return np.where(self.number[row] == number, row, -1)
 
+    def places_of(self, number: np.ndarray) -> np.ndarray:
+        """Surveyed position (N, 3) of each array number (N,), NaN for one not in the table or a placeholder there."""
+        row = self.index_of(number)
+        known = row >= 0
+        known[known] = ~self.placeholder[row[known]]
+        place = np.full((len(row), 3), np.nan)
+        place[known] = self.position[row[known]]
+        return place
+
     def position_of(self, number: int) -> np.ndarray:
         """Position (3,) of one array, ft. Raises InputError if it is not in the table."""
         row = int(self.index_of(np.array([number]))[0])

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trackerlib.rangefiles.m_matrix_file import matrix_rows
 from trackerlib.textfiles import InputError, read_lines, write_text
 
 
@@ -24,8 +25,8 @@ def write_covariances(
     correlation = cross / np.where(size > 0, size, 1.0)  # a track without noise on an axis has none with it
     gap = of_x + of_y - cross - cross.T
     paths = Path(folder) / "OUTPUT1.COV", Path(folder) / "OUTPUT2.COV"
-    write_text(paths[0], _blocks(of_x, of_y))
-    write_text(paths[1], _blocks(correlation, gap))
+    write_text(paths[0], matrix_rows(of_x) + matrix_rows(of_y))
+    write_text(paths[1], matrix_rows(correlation) + matrix_rows(gap))
     return paths
 
 
@@ -45,11 +46,6 @@ def read_covariances(folder: str | Path) -> tuple[np.ndarray, np.ndarray, np.nda
             f"OUTPUT2.COV: M is {away:.2g} ft^2 from D_x + D_y - D_xy - D_xy'; wanted files of one set"
         )
     return of_x, of_y, cross
-
-
-def _blocks(*matrices: np.ndarray) -> str:
-    rows = ["".join(f" {value!r:>24}" for value in row) for m in matrices for row in m.tolist()]
-    return "\n".join(rows) + "\n"
 
 
 def _two_blocks(path: Path) -> np.ndarray:

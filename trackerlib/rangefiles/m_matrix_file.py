@@ -41,4 +41,9 @@ def read_m_matrix(path: str | Path) -> np.ndarray:
 
 def write_m_matrix(path: str | Path, matrix: np.ndarray) -> None:
     """Writes M (3, 3) so that reading it gives the same numbers."""
-    write_text(path, "".join("".join(f" {value!r:>24}" for value in row) + "\n" for row in matrix.tolist()))
+    write_text(path, matrix_rows(matrix))
+
+
+def matrix_rows(matrix: np.ndarray) -> str:
+    """Rows of a matrix as text that gives the same numbers when it is read."""
+    return "".join("".join(f" {value!r:>24}" for value in row) + "\n" for row in matrix.tolist())

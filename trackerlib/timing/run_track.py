@@ -84,10 +84,7 @@ def correct_run(
     movements : of the arrays by a calibration, as for `correct_reports`
     Raises ValueError where no report is left.
     """
-    row = survey.index_of(reports.array)
-    placed = row >= 0
-    placed[placed] = ~survey.placeholder[row[placed]]
-    near = gate_slant_range(reports.only(placed), survey, max_slant_range)
+    near = gate_slant_range(reports, survey, max_slant_range)
     single, _ = resolve_repeats(near, reports)
     if not len(single):
         raise ValueError("no report of this vehicle lies within range of an array whose position is known")

@@ -58,12 +58,12 @@ def correct_reports(
     done, shadow, unplaced = np.zeros(len(reports), bool), 0, {}
     for number in np.unique(reports.array[wanted]).tolist():
         these = np.flatnonzero(wanted & (reports.array == number))
-        row = int(survey.index_of(np.array([number]))[0])
-        if row < 0 or survey.placeholder[row]:
+        (place,) = survey.places_of(np.array([number]))
+        if np.isnan(place[0]):
             unplaced[number] = len(these)
             continue
         g = offset_s + drift_s_per_count * (reports.point_count[these] - t0)
-        direction = stretch(reports.position[these], survey.position[row], profile)
+        direction = stretch(reports.position[these], place, profile)
         moved = reports.position[these] + g[:, None] * np.where(
             direction.reached[:, None], direction.velocity, 0.0
         )
