@@ -314,6 +314,7 @@ def test_a_campaign_goes_on_past_a_run_whose_files_are_no_use(folder, capsys):
             "line 3: offset_ms holds 'fast'",
         ),
         ("day,run,pair,offset_ms\n1,1,1-2,3.1\n1,1,2-3\n1,2,1-2,2.9\n", 0, "line 3: offset_ms holds ''"),
+        ("day,run,pair,offset_ms\n1,1,1-2,1e300\n1,1,1-2,3.1\n", 0, "line 2: offset_ms holds '1e300'"),
         ("day,run,pair,offset_ms\n", 2, "found no offset"),
         ("day,run,offset_s\n1,1,2\n", 2, "line 1: no column pair, offset_ms"),
     ],
@@ -322,3 +323,13 @@ def test_a_table_of_offsets_is_used_as_far_as_it_can_be(tmp_path, capsys, text, 
     (tmp_path / "offsets.csv").write_text(text)
     assert main(["constancy", str(tmp_path / "offsets.csv"), "--variances", "0.4,0.7,0.2"]) == code
     assert words in capsys.readouterr().err
+
+
+def test_offsets_that_leave_no_variance_are_refused_in_words(tmp_path, capsys):
+    (tmp_path / "offsets.csv").write_text("day,run,pair,offset_ms\n1,1,1-2,3\n1,2,1-2,3.1\n")
+    assert main(["constancy", str(tmp_path / "offsets.csv")]) == 2
+    assert "take up every offset, and no residual variance is left" in capsys.readouterr().err
+    for told in ("inf,1,1", "1,1,0", "1,1"):
+        with pytest.raises(SystemExit):
+            main(["constancy", str(tmp_path / "offsets.csv"), "--variances", told])
+    assert main(["constancy", str(tmp_path / "offsets.csv"), "--variances", "0,0,1"]) == 0

@@ -47,6 +47,11 @@ def run(args: argparse.Namespace) -> dict:
             components = components_of(table)
         except ValueError as error:
             raise InputError(f"{table.source}: {error}; tell them with --variances") from None
+        if not components.freedom > 0:
+            raise InputError(
+                f"{table.source}: days and runs take up every offset, and no residual variance is left; tell the "
+                "variances with --variances"
+            )
         variances, converged = variances_of(components), components.converged
         intervals = 1e6 * component_intervals(table, components)
         warnings = [
@@ -154,6 +159,8 @@ def _variances(text: str) -> tuple[float, float, float]:
     try:
         day, run_, residual = (float(part) for part in text.split(","))
         Variances(day, run_, residual)
+        if not math.isfinite(day + run_ + residual):
+            raise ValueError
     except ValueError:
         raise argparse.ArgumentTypeError(
             f"found {text!r}; wanted DAY,RUN,RESIDUAL in ms^2, the last above zero"

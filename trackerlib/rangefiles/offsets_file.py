@@ -11,6 +11,7 @@ import numpy as np
 from trackerlib.textfiles import BadRecord, InputError, read_lines
 from trackerlib.timing.offsets import OffsetTable
 
+MAX_OFFSET_MS = 1e6
 NEEDED = ("day", "run", "pair", "offset_ms")
 
 
@@ -69,6 +70,6 @@ def _row(named: dict[str, str]) -> tuple[str, str, str, float]:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
+    if not abs(value) < MAX_OFFSET_MS:
         raise ValueError(f"offset_ms holds {text!r}; wanted milliseconds, such as 3.54")
     return named["day"], named["run"], named["pair"], value
