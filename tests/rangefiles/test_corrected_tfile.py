@@ -26,7 +26,7 @@ def corrected(content, header_records=2):
     ).content
 
 
-@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\r\r\n"])
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-8-sig", "utf-16"])
 @pytest.mark.parametrize("tail", ["", "\x1a", "\n\n"])
 def test_all_else_stays_line_ends_and_letters_too(end, encoding, tail):

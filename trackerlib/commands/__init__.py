@@ -73,7 +73,8 @@ def plain(value):
 
 
 def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m trackerlib", description=__doc__.splitlines()[0])
+    about = "From timed signals to tracks, fixes and honest error figures. COMMAND --help lists a command's options."
+    parser = argparse.ArgumentParser(prog="python -m trackerlib", description=about)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     # Only the command that is called is loaded: some take a second to import.
     for name in argv[:1] if argv and argv[0] in COMMANDS else COMMANDS:

@@ -117,10 +117,9 @@ def parse_tfile(
 
 def one_byte_text(content: bytes, name: str) -> bytes:
     """A file with one byte a character and Unix line ends, so that columns can be counted in bytes."""
-    content = content.replace(b"\r\n", b"\n")
-    if not content.isascii() or b"\r" in content:
-        content = "\n".join(decode_lines(content, name)).encode("latin-1", errors="replace")
-    return content
+    if content.isascii():
+        return content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return "\n".join(decode_lines(content, name)).encode("latin-1", errors="replace")
 
 
 @dataclass(frozen=True)
