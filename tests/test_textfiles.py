@@ -20,6 +20,14 @@ def test_a_control_z_inside_a_text_and_two_bytes_a_letter_stay():
     assert decode_lines("ab\ncd\n".encode("utf-16"), "t.dat") == ["ab", "cd"]
 
 
+@pytest.mark.parametrize(
+    "content", [b"", b" \n\n", b"\x1a", b"\n\x1a\r\n", b"\xef\xbb\xbf", b"\xff\xfe\n\x00"]
+)
+def test_a_text_without_a_word_is_empty(content):
+    with pytest.raises(InputError, match=r"t\.dat: the file is empty"):
+        decode_lines(content, "t.dat")
+
+
 def test_a_few_bytes_of_nothing_do_not_make_a_text_binary():
     lines = decode_lines(b"1 2\n" * 20_000 + b"\x00" * 300 + b"\n5 6\n", "t.dat")
     assert (len(lines), lines[-1]) == (20_002, "5 6")

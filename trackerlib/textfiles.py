@@ -85,13 +85,13 @@ def _open_checked(path: str | Path, take: Callable):
 
 def decode_lines(content: bytes, name: str) -> list[str]:
     """Lines of text in `content`, which came from the file (or upload) called `name`."""
-    if not content.strip():
-        raise InputError(f"{name}: the file is empty")
     encoding = text_encoding(content)
     if encoding != "utf-16":
         _refuse_binary(content, name)
         content = content[: text_end(content)]
     text = content.decode(encoding, errors="replace")
+    if not text.strip():
+        raise InputError(f"{name}: the file is empty")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     return lines[:-1] if lines[-1] == "" else lines
 

@@ -118,6 +118,10 @@ def test_a_position_that_has_no_room_is_left_and_told(call, data, tmp_path):
         ('{"arrays": [{"array": 1}]}', r"arrays[1]: key 'rotation' is missing"),
         ('{"arrays": [{"array": 1, "rotation": [1], "intercept_ft": [0,0,0]}]}', "rotation 3 x 3"),
         (
+            '{"arrays": [{"array": 1, "rotation": [[1,0,0],[0,1,0],[0,0,1]], "intercept_ft": [NaN,0,0]}]}',
+            "arrays[1]: found a number that is none",
+        ),
+        (
             '{"arrays": [{"array": 1, "rotation": [[2,0,0],[0,1,0],[0,0,1]], "intercept_ft": [0,0,0]}]}',
             "no rotation",
         ),

@@ -35,6 +35,8 @@ def read_calibration(path: str | Path) -> dict[int, ArrayMovement]:
             raise InputError(
                 f"{where}: wanted array a number, rotation 3 x 3 and intercept_ft three numbers"
             ) from None
+        if not (np.isfinite(rotation).all() and np.isfinite(intercept).all()):
+            raise InputError(f"{where}: found a number that is none; wanted rotation and intercept_ft")
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
             raise InputError(f"{where}: found a matrix that is no rotation")
         movements[number] = ArrayMovement(rotation, intercept)
