@@ -74,6 +74,27 @@ def test_every_record_is_counted_once(call, data):
     assert answer["unplaced_arrays"] != {}
 
 
+def test_one_correction_for_several_vehicles_and_none_at_all_are_remarked(call):
+    assert any("each of which has a clock of its own" in one for one in call("--offset-ms", 1)[1]["warnings"])
+    of_one = call("--offset-ms", 1, "--mode", 7)[1]["warnings"]
+    assert not any("clock of its own" in one for one in of_one)
+    assert any("the copy holds the positions as they were" in one for one in call("--mode", 7)[1]["warnings"])
+
+
+def test_the_copy_gates_again_to_sets_without_an_offset(call, data, tmp_path, capsys):
+    call("--mode", 7, "--offset-ms", 2.85)
+    tables = ("--arrays", data / "range-demo/arrays.csv", "--profile", data / "range-demo/VELOCITY.DAT")
+    gate = ("gate", tmp_path / "corrected.dat", *tables[:2], "--mode", 7, "--out", tmp_path / "sets")
+    assert main([str(word) for word in gate]) == 0
+    surveyed = [path for path in (tmp_path / "sets").iterdir() if "_05_" not in path.name]
+    capsys.readouterr()
+    assert main([str(word) for word in ("timing", *surveyed, *tables, "--json")]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert len(answer["sets"]) > 25
+    assert abs(answer["one_offset"]["constant"]["mean_offset_ms"]) < 0.02
+    assert answer["one_offset"]["constant"]["p_value"] > 0.01
+
+
 def test_a_drift_turns_about_t0(call, data, tmp_path):
     call("--mode", 7, "--offset-ms", 1, "--drift-ms-per-count", 0.002, "--t0", 3000)
     survey = read_arrays(data / "range-demo/arrays.csv").survey

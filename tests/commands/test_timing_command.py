@@ -109,6 +109,18 @@ def test_all_points_left_out_is_no_offset_and_the_other_sets_go_on(folder, timin
     assert "8 left out by hand" in capsys.readouterr().out
 
 
+def test_the_counts_of_offset_and_of_noise_are_both_shown(folder, timing, capsys):
+    path = min((folder / "sets").iterdir())
+    _, answer, _ = timing(path, "--outliers", "noise")
+    (one,) = answer["sets"]
+    assert one["noise_points"] < one["points"] == 44
+    words = ("timing", "--arrays", folder / "arrays.csv", "--profile", folder / "VELOCITY.DAT", path)
+    main([str(word) for word in (*words, "--outliers", "noise")])
+    assert f"M from {one['noise_points']} points" in capsys.readouterr().out
+    main([str(word) for word in words])
+    assert "M from" not in capsys.readouterr().out
+
+
 def test_a_log_goes_with_the_t_file_of_its_run(folder, run, tmp_path):
     log, _, _ = log_of(folder, tmp_path, range(8))
     campaign = ("timing", "--campaign", folder / "campaign.json", "--edits", log)

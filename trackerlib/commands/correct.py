@@ -192,6 +192,12 @@ def _warnings(args, tfile, survey, profile, corrected, copy) -> list[str]:
         warnings.append(
             f"no direct ray joins {corrected.in_shadow} reports to their array; left as they were"
         )
+    modes = np.unique(reports.mode[wanted]).tolist()
+    if (args.offset_ms or args.drift_ms_per_count) and len(modes) > 1:
+        warnings.append(
+            f"one clock correction for the vehicles of modes {', '.join(map(str, modes))}, each of which has a clock "
+            "of its own; --mode chooses one"
+        )
     if not (args.offset_ms or args.drift_ms_per_count or args.calibration):
         warnings.append("no offset, drift or calibration is told: the copy holds the positions as they were")
     if args.mode is not None and not np.any(tfile.reports.mode == args.mode):

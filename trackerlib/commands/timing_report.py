@@ -52,6 +52,7 @@ def _set_line(one: dict) -> str:
     outliers = max(len(one["excluded_counts"]) - one["in_shadow"] - by_hand, 0)
     left_out = f"   {outliers} outlier{'s' * (outliers > 1)} left out" if outliers else ""
     left_out += f"   {by_hand} left out by hand" if by_hand else ""
+    left_out += f"   M from {one['noise_points']} points" if one["noise_points"] != one["points"] else ""
     return (
         f"{start} ± {one['sigma_offset_ms']:.3f}   "
         f"{one['drift_ms_per_count']:9.4f} ± {one['sigma_drift_ms_per_count']:.4f}   "
