@@ -8,6 +8,8 @@ import pytest
 from trackerlib import textfiles
 from trackerlib.textfiles import InputError, decode_lines, map_bytes, write_bytes, write_text
 
+posix = pytest.mark.skipif(os.name != "posix", reason="pipes and links of this kind are Unix's")
+
 
 @pytest.mark.parametrize("end", [b"\x1a", b"\x1a\r\n", b"\r\n\x1a\x1a\x00\x00", b"\n\x1a\n\n"])
 def test_what_dos_left_at_the_end_is_no_line(end):
@@ -35,6 +37,7 @@ def test_a_few_bytes_of_nothing_do_not_make_a_text_binary():
         decode_lines(b"1 2\n\x00\x00", "t.dat")
 
 
+@posix
 def test_a_pipe_is_read_like_a_file(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     writer = threading.Thread(target=(tmp_path / "pipe").write_bytes, args=(b"1 2\n",))
@@ -43,6 +46,7 @@ def test_a_pipe_is_read_like_a_file(tmp_path):
     writer.join()
 
 
+@posix
 def test_a_pipe_is_written_to_and_not_replaced(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     got = []
@@ -54,6 +58,7 @@ def test_a_pipe_is_written_to_and_not_replaced(tmp_path):
     assert (tmp_path / "pipe").is_fifo()
 
 
+@posix
 def test_a_link_is_followed(tmp_path):
     (tmp_path / "file").write_text("old")
     (tmp_path / "link").symlink_to(tmp_path / "file")

@@ -1,7 +1,10 @@
 """`python -m trackerlib COMMAND ...`."""
 
+import io
 import sys
 
+if isinstance(sys.stdout, io.TextIOWrapper):
+    sys.stdout.reconfigure(errors="replace")  # a terminal that knows no ± gets the rest
 try:
     from trackerlib.commands import main
 

@@ -1,7 +1,9 @@
 """The shell's way in: exit codes, one JSON document, errors in words."""
 
+import io
 import json
 import runpy
+import sys
 
 import numpy as np
 import pytest
@@ -52,3 +54,16 @@ def test_an_interrupt_while_a_command_loads_is_exit_130_in_words(monkeypatch, ca
         runpy.run_module("trackerlib", run_name="__main__")
     assert stopped.value.code == 130
     assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_a_terminal_that_knows_ascii_alone_gets_the_rest(monkeypatch, data):
+    said = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(said, "ascii"))
+    table = data / "read-1990/offsets.csv"
+    monkeypatch.setattr("sys.argv", ["trackerlib", "constancy", str(table), "--variances", "0.4,0.7,0.2"])
+    with pytest.raises(SystemExit) as stopped:
+        runpy.run_module("trackerlib", run_name="__main__")
+    assert stopped.value.code == 0
+    sys.stdout.flush()
+    assert b"all pairs share one offset" in said.getvalue()
+    assert b"?" in said.getvalue().split(b"all pairs")[0]
