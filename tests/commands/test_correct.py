@@ -227,7 +227,9 @@ def test_the_copy_tells_what_was_done_to_which_file(call, data, tmp_path):
     call("--mode", 7, "--offset-ms", 2.8512345, "--profile-speeds", "boundary")
     said = (tmp_path / "corrected.dat").read_text().splitlines()[0]
     digest = hashlib.sha256((data / "range-demo/tfile.dat").read_bytes()).hexdigest()
-    assert "OFFSET 2.8512345 MS, MODE 7, PROFILE VELOCITY.DAT (SPEEDS AT BOUNDARY), ARRAYS arrays.csv" in said
+    assert (
+        "OFFSET 2.8512345 MS, MODE 7, PROFILE VELOCITY.DAT (SPEEDS AT THE DEPTHS), ARRAYS arrays.csv" in said
+    )
     assert f"SHA-256 OF THE ORIGINAL {digest}" in said
     _, answer, _ = call("--offset-ms", 1, tfile=tmp_path / "corrected.dat", out=tmp_path / "again.dat")
     assert any("were corrected before: CORRECTED COPY OF tfile.dat" in one for one in answer["warnings"])

@@ -116,6 +116,20 @@ def test_a_profile_that_is_none_is_refused_with_its_line(run, folder, gated, com
 
 
 @pytest.mark.parametrize("command", ["timing", "correct"])
+def test_a_profile_in_metres_is_asked_about_and_read_as_such_when_told(run, folder, gated, command):
+    files = sorted(gated.iterdir())[:1] if command == "timing" else ()
+    whole = run(command, *files, "--profile-speeds", "boundary")[1]
+    rows = (folder / "VELOCITY.DAT").read_text().splitlines()
+    metres = [f"{METRES * float(a):.4f} {METRES * float(b):.4f}" for a, b in map(str.split, rows)]
+    (folder / "VELOCITY.DAT").write_text("\n".join(metres) + "\n")
+    code, _, said = run(command, *files)
+    assert (code, "Is the file in metres?" in said, "(--profile-speeds metres)" in said) == (2, True, True)
+    answer = run(command, *files, "--profile-speeds", "metres")[1]
+    pick = (lambda a: a["sets"][0]["offset_ms"]) if files else (lambda a: a["largest_change_ft"])
+    assert pick(answer) == pytest.approx(pick(whole), rel=1e-3)
+
+
+@pytest.mark.parametrize("command", ["timing", "correct"])
 def test_a_gap_in_a_profile_is_remarked_and_bridged(run, folder, gated, command):
     files = sorted(gated.iterdir())[:2] if command == "timing" else ()
     whole = run(command, *files)[1]

@@ -9,7 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from trackerlib import __version__
-from trackerlib.commands.range_inputs import check_outputs, read_profile, read_survey, tell
+from trackerlib.commands.range_inputs import (
+    add_profile_speeds,
+    check_outputs,
+    read_profile,
+    read_survey,
+    tell,
+)
 from trackerlib.crossover.doubts import profile_doubts, report_doubts
 from trackerlib.crossover.gating import MAX_SLANT_RANGE_FT, gate_mode_and_flag
 from trackerlib.rangefiles.calibration_file import read_calibration
@@ -29,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("tfile", type=Path, metavar="TFILE", help="fixed-column position reports of a run")
     add("--arrays", type=Path, required=True, metavar="FILE", help="array table")
     add("--profile", type=Path, required=True, metavar="VELOCITY.DAT", help="sound-speed table, ft and ft/s")
-    add("--profile-speeds", choices=("middle", "boundary"), default="middle", help="where its speeds belong")
+    add_profile_speeds(parser)
     add("--offset-ms", type=float, default=0.0, metavar="D", help="timing offset, positive stretches")
     add("--drift-ms-per-count", type=float, default=0.0, metavar="M", help="its change with the point count")
     add("--t0", type=float, metavar="T", help="point count at which the offset holds; needed with a drift")
@@ -109,8 +115,10 @@ def provenance(args: argparse.Namespace, content: bytes) -> str:
     if args.drift_ms_per_count:
         parts.append(f"DRIFT {args.drift_ms_per_count:.9g} MS A COUNT ABOUT COUNT {args.t0:.9g}")
     parts.append("ALL VEHICLES" if args.mode is None else f"MODE {args.mode}")
-    speeds = "" if args.profile_speeds == "middle" else f" (SPEEDS AT {args.profile_speeds.upper()})"
-    parts.append(f"PROFILE {args.profile.name}{speeds}, ARRAYS {args.arrays.name}")
+    layout = {"middle": "", "boundary": " (SPEEDS AT THE DEPTHS)", "metres": " (IN METRES)"}[
+        args.profile_speeds
+    ]
+    parts.append(f"PROFILE {args.profile.name}{layout}, ARRAYS {args.arrays.name}")
     if args.calibration:
         parts.append(f"CALIBRATION {args.calibration.name}")
     parts.append(f"SHA-256 OF THE ORIGINAL {hashlib.sha256(content).hexdigest()}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 from collections.abc import Iterable
@@ -11,8 +12,8 @@ from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.edits import PointEdits, parse_edits
 from trackerlib.crossover.survey import ArraySurvey
 from trackerlib.rangefiles.arrays import read_arrays
-from trackerlib.rangefiles.velocity_file import read_velocity
-from trackerlib.textfiles import BadRecord, InputError, read_lines
+from trackerlib.rangefiles.range_profile import LAYOUTS, parse_range_profile
+from trackerlib.textfiles import BadRecord, InputError, read_bytes, read_lines
 
 
 def read_survey(path: Path) -> ArraySurvey:
@@ -22,9 +23,23 @@ def read_survey(path: Path) -> ArraySurvey:
     return reading.survey
 
 
+def add_profile_speeds(parser: argparse.ArgumentParser) -> None:
+    """The option that says what the numbers of a profile are."""
+    parser.add_argument(
+        "--profile-speeds",
+        choices=tuple(LAYOUTS.values()),
+        default="middle",
+        help="where the profile's speeds belong: layers' middles, or the depths given; metres: depth_m, speed_mps",
+    )
+
+
 def read_profile(path: Path, speeds: str) -> SoundSpeedProfile:
-    """The profile of a VELOCITY.DAT. Raises InputError as `read_velocity`."""
-    reading = read_velocity(path, speeds)
+    """The profile of a file in feet. Raises InputError as `parse_range_profile`."""
+    try:
+        reading = parse_range_profile(read_bytes(path), path.name, speeds)
+    except InputError as error:
+        option = " (--profile-speeds metres)" if "Is the file in metres?" in str(error) else ""
+        raise InputError(f"{error}{option}") from None
     tell(path.name, reading.bad_records, reading.profile.notes)
     return reading.profile
 

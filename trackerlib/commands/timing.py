@@ -12,7 +12,14 @@ import numpy as np
 
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.commands.campaign_runs import RUN_KEYS, chosen_runs, each_run
-from trackerlib.commands.range_inputs import check_outputs, read_edits, read_profile, read_survey, tell
+from trackerlib.commands.range_inputs import (
+    add_profile_speeds,
+    check_outputs,
+    read_edits,
+    read_profile,
+    read_survey,
+    tell,
+)
 from trackerlib.commands.timing_report import report
 from trackerlib.crossover.doubts import profile_doubts, set_doubts
 from trackerlib.crossover.edits import PointEdits
@@ -54,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--arrays", type=Path, metavar="FILE", help="array table")
     add("--profile", type=Path, metavar="VELOCITY.DAT", help="sound-speed table, ft and ft/s")
     add("--campaign", type=Path, metavar="FILE", help="all runs of a campaign, in place of all the above")
-    add("--profile-speeds", choices=("middle", "boundary"), default="middle", help="where its speeds belong")
+    add_profile_speeds(parser)
     add(
         "--covariance",
         type=Path,
