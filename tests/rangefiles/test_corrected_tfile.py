@@ -53,3 +53,8 @@ def test_a_copy_says_so_when_it_is_read():
     assert copy.doubts == (f"the positions were corrected before: {WORDS}",)
     assert copy.header[0] == f"RANGE RUN OF 6/20/85  {WORDS}"
     assert copy.run_date == np.datetime64("1985-06-20")
+
+
+def test_one_record_without_a_line_end_is_a_file_too():
+    copy = corrected(record(1, 100.0).encode(), 0).decode()
+    assert copy == f"{record(1, 100.5)}  {WORDS}"

@@ -42,7 +42,8 @@ def corrected_copy(
     letters = _letters(content, encoding)
     columns = np.char.mod(f"%{_WIDTH}.1f", np.round(position, 1) + 0.0)
     fits = np.all(np.char.str_len(columns) == _WIDTH, axis=1)
-    places = _line_starts(letters)[reading.reports.line[which] - 1]
+    starts = _line_starts(letters)
+    places = starts[reading.reports.line[which] - 1]
     for field, column in zip((_X, _Y, _Z), columns.T, strict=True):
         digits = np.frombuffer("".join(column[fits]).encode("ascii"), dtype=np.uint8).reshape(-1, _WIDTH)
         letters[places[fits, None] + field.first - 1 + np.arange(_WIDTH)] = digits
@@ -53,7 +54,9 @@ def corrected_copy(
         )
         for line, row in zip(reading.reports.line[which[~fits]], np.char.strip(columns[~fits]), strict=True)
     ]
-    copy = _with_provenance(letters, provenance, 0 if reading.header else COLUMNS)
+    line = letters[: starts[1]] if len(starts) > 1 else letters
+    first = _with_provenance(line, provenance, 0 if reading.header else COLUMNS)
+    copy = np.concatenate([first, letters[len(line) :]])
     return CorrectedCopy(_bytes(copy, encoding), fits, tuple(too_wide))
 
 
@@ -72,18 +75,17 @@ def _bytes(letters: np.ndarray, encoding: str) -> bytes:
 
 def _line_starts(letters: np.ndarray) -> np.ndarray:
     """Where each line begins, whichever of the three line ends a file has."""
-    ends = letters == _LINE_END
-    alone = letters == _RETURN
-    alone[:-1] &= ~ends[1:]
-    return np.concatenate([[0], np.flatnonzero(ends | alone) + 1])
+    returns = np.flatnonzero(letters == _RETURN)
+    alone = returns[letters[np.minimum(returns + 1, len(letters) - 1)] != _LINE_END]
+    return np.sort(np.concatenate([[-1], np.flatnonzero(letters == _LINE_END), alone])) + 1
 
 
-def _with_provenance(letters: np.ndarray, provenance: str, column: int) -> np.ndarray:
-    """The text with the provenance behind what the first record says, and behind so many columns."""
-    ends = np.flatnonzero((letters == _LINE_END) | (letters == _RETURN))
-    end = ends[0] if len(ends) else len(letters)
-    said = np.flatnonzero(letters[:end] != _BLANK)
-    first = letters[: said[-1] + 1 if len(said) else 0]
+def _with_provenance(line: np.ndarray, provenance: str, column: int) -> np.ndarray:
+    """A line with the provenance behind what it says, and behind so many columns."""
+    ends = np.flatnonzero((line == _LINE_END) | (line == _RETURN))
+    end = ends[0] if len(ends) else len(line)
+    said = np.flatnonzero(line[:end] != _BLANK)
+    first = line[: said[-1] + 1 if len(said) else 0]
     words = " " * max(column - len(first), 0) + "  " + provenance
-    coded = words.encode("latin-1", "replace") if letters.dtype == np.uint8 else words.encode("utf-32-le")
-    return np.concatenate([first, np.frombuffer(coded, letters.dtype), letters[end:]])
+    coded = words.encode("latin-1", "replace") if line.dtype == np.uint8 else words.encode("utf-32-le")
+    return np.concatenate([first, np.frombuffer(coded, line.dtype), line[end:]])
