@@ -85,3 +85,12 @@ def test_an_interrupt_or_a_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
         with pytest.raises((KeyboardInterrupt, OSError)):
             write_text(tmp_path / "out.csv", "new")
         assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("out.csv", "old")]
+
+
+@posix
+def test_the_name_of_an_open_pipe_is_written_to():
+    out, into = os.pipe()
+    write_bytes(f"/dev/fd/{into}", b"1 2\n")
+    os.close(into)
+    with open(out, "rb") as pipe:
+        assert pipe.read() == b"1 2\n"

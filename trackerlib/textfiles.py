@@ -124,12 +124,12 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 
     Raises OSError that names the file.
     """
-    path = Path(os.path.realpath(path))
+    path = Path(path)
     try:
         if path.exists() and not path.is_file():
             path.write_bytes(content)
         else:
-            _replace(path, content)
+            _replace(Path(os.path.realpath(path)), content)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
 
