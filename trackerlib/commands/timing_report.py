@@ -10,11 +10,14 @@ SERVES = 0.025  # chance below which sets are not said to share one offset
 
 def report(answer: dict) -> str:
     """The answer of `timing` for a person, a line a set, and of a campaign run by run."""
-    lines = []
-    for run in answer.get("runs", ()):
-        sets = [one for one in answer["sets"] if all(one[key] == run[key] for key in RUN_KEYS)]
-        lines += [run_words(run), *_run_lines({**run, "sets": sets}), ""]
-    lines += failures_report(answer["failed_runs"]) if lines else _run_lines(answer)
+    if "runs" in answer:
+        lines = []
+        for run in answer["runs"]:
+            sets = [one for one in answer["sets"] if all(one[key] == run[key] for key in RUN_KEYS)]
+            lines += [run_words(run), *_run_lines({**run, "sets": sets}), ""]
+        lines += failures_report(answer["failed_runs"])
+    else:
+        lines = _run_lines(answer)
     if answer["simulated"]:
         lines.append("SIMULATED data")
     return "\n".join(lines)
