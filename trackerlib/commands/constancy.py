@@ -125,11 +125,18 @@ def report(answer: dict) -> str:
         lines.append(f"{name:10}  {shown}{between}")
     lines += [f"warning: {one}" for one in answer["warnings"]]
     lines.append("")
-    lines.append("run     mean offset (ms)   pairs   distance   dof   p, chi-square   p, variance estimated")
-    lines += [_line(one["run"], one) for one in answer["runs"]]
+    wide = max(
+        7, *(len(one["run"]) for one in answer["runs"]), *(len(one["pair"]) for one in answer["pairs"])
+    )
+    lines.append(
+        f"{'run':{wide}} mean offset (ms)   pairs   distance   dof   p, chi-square   p, variance estimated"
+    )
+    lines += [_line(f"{one['run']:{wide}}", one) for one in answer["runs"]]
     lines.append("")
-    lines.append("pair    mean offset (ms)   offsets   distance   dof   p: do its offsets hang together?")
-    lines += [_line(one["pair"], one) for one in answer["pairs"] if one["offsets"] > 1]
+    lines.append(
+        f"{'pair':{wide}} mean offset (ms)   offsets   distance   dof   p: do its offsets hang together?"
+    )
+    lines += [_line(f"{one['pair']:{wide}}", one) for one in answer["pairs"] if one["offsets"] > 1]
     single = sum(one["offsets"] == 1 for one in answer["pairs"])
     lines += (
         [f"pairs of one offset only, which have nothing to hang together with: {single}"] if single else []
@@ -145,7 +152,7 @@ def report(answer: dict) -> str:
 def _line(name: str, one: dict) -> str:
     estimated = one["p_value_estimated_variance"]
     return (
-        f"{name:7} {one['mean_offset_ms']:7.2f} ± {one['sigma_mean_offset_ms']:.2f}     {one['pairs']:4d}   "
+        f"{name} {one['mean_offset_ms']:7.2f} ± {one['sigma_mean_offset_ms']:.2f}     {one['pairs']:4d}   "
         f"{one['distance']:9.2f}   {one['dof']:3d}   {one['p_value']:.2g}   "
         f"{'-' if estimated is None or math.isnan(estimated) else format(estimated, '.2g')}"
     )
