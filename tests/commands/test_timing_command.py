@@ -175,6 +175,18 @@ def test_a_set_named_twice_counts_once(folder, timing):
     assert (code, len(answer["sets"]), "is named twice" in said) == (0, 1, True)
 
 
+def test_arrays_told_the_other_way_round_are_the_same_pair(folder, timing, tmp_path):
+    path = min((folder / "sets").iterdir())
+    rows = [line.split() for line in path.read_text().splitlines()[1:]]
+    turned = [" ".join((row[0], *row[4:7], *row[1:4])) for row in rows]
+    (tmp_path / "turned.txt").write_text("\n".join(turned) + "\n")
+    (one,) = timing("--set", tmp_path / "turned.txt", 2, 1)[1]["sets"]
+    (other,) = timing(path)[1]["sets"]
+    assert one["pair"] == other["pair"] == [1, 2]
+    for key in ("offset_ms", "sigma_offset_ms", "mean_before_ft", "mean_after_ft"):
+        assert one[key] == pytest.approx(other[key], rel=1e-9), key
+
+
 def test_no_file_that_is_read_is_written_over(folder, run, timing, tmp_path):
     path = shutil.copy(min((folder / "sets").iterdir()), tmp_path / "set.txt")
     before = path.read_bytes()

@@ -133,16 +133,16 @@ def fit_sets(args: argparse.Namespace, survey: ArraySurvey, profile: SoundSpeedP
                 raise InputError("is named twice; it is taken once")
             taken.add(path.resolve())
             reading = read_crossover(path, survey, pair)
-            doubts = set_doubts(reading.set, survey)
+            crossover = reading.set.lower_first()
+            doubts = set_doubts(crossover, survey)
             tell(path.name, reading.bad_records, [*reading.notes, *doubts])
-            answer = fit_set(
-                args, path, reading.set, survey, profile, noise, edits.excluded(reading.set, mode)
-            )
+            left_out = edits.excluded(crossover, mode)
+            answer = fit_set(args, path, crossover, survey, profile, noise, left_out)
         except InputError as error:
             failed.append({"file": str(path), "why": str(error)})
             continue
         answers.append({**answer, "mode": args.mode, "remarks": doubts})
-        sets.append(edits.kept(reading.set, mode))
+        sets.append(crossover.only(~left_out))
     if not answers:
         raise InputError(f"no crossover set is of use; {failed[0]['file']}: {failed[0]['why']}")
     tell(profile.name, (), profile_doubts(profile, survey, {n for one in sets for n in one.pair}))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,6 +34,13 @@ class CrossoverSet:
     def gap(self) -> np.ndarray:
         """Vector from the second array's version to the first's, W = X - Y (T, 3), eq. (7)."""
         return self.x - self.y
+
+    def lower_first(self) -> CrossoverSet:
+        """The same set with the version of the array of lower number first."""
+        if self.pair[0] < self.pair[1]:
+            return self
+        lines = None if self.lines is None else self.lines[:, ::-1]
+        return replace(self, pair=self.pair[::-1], x=self.y, y=self.x, lines=lines)
 
     def only(self, keep: np.ndarray | slice, pass_number: int | None = None) -> CrossoverSet:
         """The points where `keep` (T,) is true, or those of a slice, as the same pass or another of the pair."""
