@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from trackerlib.crossover.noise import autocorrelation, displacement, gap_of_printed, residual_noise
@@ -60,6 +61,22 @@ def test_noise_alone_is_no_bend(seed):
     assert not is_curved(track, counts)
     bent = track + np.outer(0.02 * (counts - 30.0) ** 2, [0, 1, 0])
     assert is_curved(bent, counts)
+
+
+@pytest.mark.parametrize("points", [15, 60])
+def test_noise_that_hangs_together_or_has_a_direction_is_no_bend(points):
+    rng = np.random.default_rng(12)
+    counts = np.arange(points)
+    line = START + np.outer(counts, STEP)
+    bent = line + np.outer(20 * (2 * counts / points - 1.0) ** 2, [0, 1, 0])
+    slow, uneven, found = [], [], []
+    for _ in range(100):
+        noise = lfilter([0.8], [1, -0.6], rng.normal(size=(points + 50, 3)), axis=0)[50:]
+        slow.append(is_curved(line + noise, counts))
+        uneven.append(is_curved(line + rng.normal(size=(points, 3)) * [0.5, 0.5, 5.0], counts))
+        found.append(is_curved(bent + 0.2 * noise, counts))
+    assert max(np.mean(slow), np.mean(uneven)) < 0.03
+    assert np.mean(found) > 0.9
 
 
 def test_covariances_by_simulation():

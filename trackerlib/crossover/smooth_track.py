@@ -9,12 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import fdtrc
 
-from trackerlib.crossover.straight_line import MIN_POINTS, StraightLine, fit_straight_line
+from trackerlib.crossover.straight_line import StraightLine, fit_straight_line
 
 SIGNIFICANCE = 1e-3
 MOST_DEGREES = 8
+LEAST_BENT = 6  # points of the shortest track that may bend
+DECAYS = np.append(np.arange(10) / 10, 0.95)  # correlation of the noise from one count to the next
+LEAST_VARIANCE = 1e-6  # squared lengths; positions are printed to 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,21 +42,25 @@ class SmoothTrack:
 def choose_degree(track: np.ndarray, point_count: np.ndarray, significance: float = SIGNIFICANCE) -> int:
     """The degree, from 1, beyond which neither of two more lowers the residual of a track (T, 3) significantly.
 
-    An F test on the sum over the three axes, at each degree against the next two, so that a bend whose next power
-    happens to vanish is not missed. Fewer than MIN_POINTS points are never more than a line.
+    Wilks's test on the three axes together, whose noise may differ and correlate, at each degree against the next
+    two, so that a bend whose next power happens to vanish is not missed. The noise may hang together in time: the
+    chance is the mean of those with each of DECAYS, by how likely the residual of the most flexible course makes it,
+    strong ones less beforehand.
+    Fewer than LEAST_BENT points are never more than a line.
     """
     points = len(track)
-    if points < MIN_POINTS:
+    if points < LEAST_BENT:
         return 1
-    share, _, _ = _shares(point_count)
-    most = min(MOST_DEGREES, points - 3)
+    most = min(MOST_DEGREES, max(points // 3, 2))
+    weight, squares = _by_decay(track, point_count, most)
     degree = 1
     while degree < most:
-        here = _left(track, share, degree)
+        powers = range(1, min(2, most - degree) + 1)
         higher = [
-            more
-            for more in range(degree + 1, min(degree + 2, most) + 1)
-            if _chance(here, _left(track, share, more), more - degree, points - more - 1) < significance
+            degree + more
+            for more in powers
+            if weight @ _chance(squares[degree], squares[degree + more], more, points - degree - more - 1)
+            < significance / len(powers)
         ]
         if not higher:
             break
@@ -96,14 +103,36 @@ def _shares(point_count) -> tuple[np.ndarray, float, float]:
     return (counts - middle) / half, middle, half
 
 
-def _left(track: np.ndarray, share: np.ndarray, degree: int) -> float:
-    basis = np.vander(share, degree + 1)
-    return float(np.sum((track - basis @ np.linalg.lstsq(basis, track, rcond=None)[0]) ** 2))
+def _by_decay(track: np.ndarray, point_count: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """How likely each of DECAYS is (G,), and the squares of the residual (most + 1, G, 3, 3) that each degree leaves.
+
+    Noise whose neighbours correlate by a decay is made independent by differences; one triangle then holds the
+    residuals of every degree. The likelihood is the restricted one about the highest degree.
+    """
+    share, _, _ = _shares(point_count)
+    powers = most + 1
+    columns = np.column_stack([np.vander(share, powers, increasing=True), track - track.mean(axis=0)])
+    kept = DECAYS[:, None] ** np.diff(np.asarray(point_count, float))
+    fresh = np.maximum(1 - kept**2, 1e-12)
+    later = (columns[1:] - kept[:, :, None] * columns[:-1]) / np.sqrt(fresh)[:, :, None]
+    white = np.concatenate([np.broadcast_to(columns[:1], (len(DECAYS), *columns[:1].shape)), later], axis=1)
+    triangle = np.asarray(np.linalg.qr(white, mode="r"))
+    left = triangle[:, :, powers:]
+    floor = LEAST_VARIANCE * len(track) * np.eye(3)
+    squares = np.stack([np.swapaxes(left[:, k:], 1, 2) @ left[:, k:] + floor for k in range(1, powers + 1)])
+    seen = np.log(np.abs(np.einsum("gkk->gk", triangle[:, :powers, :powers]))).sum(axis=1)
+    freedom = len(track) - powers
+    likelihood = -1.5 * np.log(fresh).sum(axis=1) - 3 * seen - freedom / 2 * _log_det(squares[most])
+    weight = (1 - DECAYS) * np.exp(likelihood - likelihood.max())
+    return weight / weight.sum(), squares
 
 
-def _chance(here: float, there: float, more: int, freedom: int) -> float:
-    """How often noise alone would lower the squares of three axes from `here` to `there` by `more` powers."""
-    if freedom < 1:
-        return 1.0
-    ratio = (here - there) / (3 * more) / max(there / (3 * freedom), 1e-12)
-    return float(stats.f.sf(ratio, 3 * more, 3 * freedom))
+def _log_det(squares: np.ndarray) -> np.ndarray:
+    return np.linalg.slogdet(squares)[1]
+
+
+def _chance(here: np.ndarray, there: np.ndarray, more: int, freedom: int) -> np.ndarray:
+    """How often noise alone would lower squares (G, 3, 3) from `here` to `there` by one or two more powers."""
+    left = np.exp((_log_det(there) - _log_det(here)) / more)
+    ratio = (1 - left) / left * (freedom - 2) / 3
+    return fdtrc(3 * more, more * (freedom - 2), np.maximum(ratio, 0.0))
