@@ -258,6 +258,53 @@ def test_q_is_the_mean_squared_gap():
         assert found.q_surface(np.array([offset]), np.array([drift]))[0, 0] == pytest.approx(direct)
 
 
+def test_q_of_a_joint_fit_is_the_mean_squared_gap_too_though_not_its_least():
+    crossover = simulated(1)
+    found = fitted(replace(crossover, x=crossover.x + np.array([0, 0, 3.0])), outliers="in", method="joint")
+    c = stretch(crossover.x, LEFT, PROFILE).velocity - stretch(crossover.y, RIGHT, PROFILE).velocity
+    for offset, drift in ((0.0, 0.0), (4e-3, 1e-5)):
+        g = offset - found.offset_s + (drift - found.drift_s_per_count) * (COUNTS - found.t0)
+        direct = np.mean(np.sum((found.residual + g[:, None] * c) ** 2, axis=1))
+        assert found.q_surface(np.array([offset]), np.array([drift]))[0, 0] == pytest.approx(direct, rel=1e-3)
+
+
+def test_clean_sets_of_few_points_lose_none():
+    lost = [
+        fit(simulated(seed).only(np.linspace(0, 59, points).astype(int))).excluded.any()
+        for points in (6, 8, 10, 15)
+        for seed in range(60)
+    ]
+    assert np.mean(lost) < 0.035
+
+
+def test_a_joint_fit_of_few_points_says_how_little_they_tell_of_the_weights():
+    score = []
+    for points in (6, 12, 14):
+        for seed in range(60):
+            one = simulated(seed).only(np.linspace(0, 59, points).astype(int))
+            noise = np.random.default_rng(1000 + seed).normal(0, 4, (points, 1)) * [1.0, 1.0, 0.2]
+            found = fitted(replace(one, x=one.x + noise), method="joint")
+            assert found.settled
+            score.append((found.offset_s - 3e-3) / found.sigma_offset_s)
+    assert np.mean(np.abs(score) < 1.96) > 0.93
+
+
+def test_few_points_without_a_separation_show_none():
+    flagged = [
+        fit(simulated(seed).only(np.linspace(0, 59, points).astype(int))).separated != ()
+        for points in (6, 8)
+        for seed in range(100)
+    ]
+    assert np.mean(flagged) < 0.03
+
+
+def test_an_offset_is_no_bend():
+    # Close by an array the stretch turns with the bearing: a straight track looks bent until it is corrected.
+    beside = np.column_stack([20_000 + 50.0 * (COUNTS - 30), np.full(60, 300.0), np.full(60, -900.0)])
+    bent = [fit(simulated(seed, beside, 15e-3)).curved for seed in range(30)]
+    assert np.mean(bent) < 0.1
+
+
 def test_a_joint_fit_is_surer_where_noise_has_a_direction_and_as_true():
     errors, sigmas = [], []
     for seed in range(60):

@@ -22,11 +22,13 @@ from trackerlib.crossover.survey import ArraySurvey
 from trackerlib.timing.correlated_noise import spread_of
 from trackerlib.timing.stretch import Stretch, stretch
 
-CUT = 5.0  # robust standard deviations beyond which a gap is an outlier
+CUT = 5.0  # robust standard deviations beyond which a gap of many is an outlier
+FEW = 9.0  # points: the cut is (1 + (FEW / points)^2) times as wide, for few points say little of their own spread
 ROUNDS = 12
 METHODS = ("report", "joint")  # every direction alike, or by what M says of each
 OUTLIERS = ("out", "noise", "in")  # left out of offset and M, of M alone, of nothing
 JOINT_ROUNDS = 20
+LEAST_JOINT = 12  # points that say how to weigh the directions
 APART = 3.0  # sigmas of a mean gap after correction beyond which the two versions are apart
 DIRECTIONS = ("downrange", "crossrange", "vertical")
 LEAST_VARIANCE = 1e-6  # of the gap along any direction, squared lengths; positions are printed to 0.1
@@ -46,9 +48,10 @@ class TimingCorrection:
     mean_after: np.ndarray  # (3,)
     rms_before: float  # root mean square length of the gap
     rms_after: float
-    mean_square: float  # Ave ||c||^2 [(length/s)^2]
-    mean_square_in_time: float  # Ave (t - t0)^2 ||c||^2
-    degree: int  # of the smooth course that the test asks for; 1 is a straight line at constant speed
+    gain: np.ndarray  # (T, 3) by how much each number of the gap lowers the offset; zero where left out
+    q_slope: np.ndarray  # (2,) Ave (1, t - t0) c'residual: zero where the fit is the least of Q
+    q_bend: np.ndarray  # (2, 2) Ave (1, t - t0)(1, t - t0)' ||c||^2 [(length/s)^2]
+    degree: int = 1  # of the smooth course that the test asks for; 1 is a straight line at constant speed
     in_shadow: int = 0  # of those excluded, points that no direct ray joins to both arrays
     noise_points: int = 0  # that M rests on; the same as `points` unless outliers count for the offset
     separation: np.ndarray | None = None  # (3,) mean gap after correction over its sigma, assumption (14)
@@ -77,9 +80,10 @@ class TimingCorrection:
 
     def q_surface(self, offset_s: np.ndarray, drift_s_per_count: np.ndarray) -> np.ndarray:
         """Q (8), (11): mean squared gap (N, M) left by offsets (N,) and drifts (M,) at this t0."""
-        d = (np.asarray(offset_s)[:, None] - self.offset_s) ** 2 * self.mean_square
-        m = (np.asarray(drift_s_per_count)[None] - self.drift_s_per_count) ** 2 * self.mean_square_in_time
-        return self.rms_after**2 + d + m
+        d = np.asarray(offset_s)[:, None] - self.offset_s
+        m = np.asarray(drift_s_per_count)[None] - self.drift_s_per_count
+        bend = self.q_bend[0, 0] * d**2 + 2 * self.q_bend[0, 1] * d * m + self.q_bend[1, 1] * m**2
+        return self.rms_after**2 + 2 * (self.q_slope[0] * d + self.q_slope[1] * m) + bend
 
     def offset_at(self, point_count) -> np.ndarray:
         """g(t) [s], eq. (4)."""
@@ -130,13 +134,14 @@ def estimate_timing(
     """Offset and drift that bring two versions of a track together, eqs. (9)-(19).
 
     noise : M (3, 3), where it is told and not to be estimated
-    method : "report" weighs every direction alike, (10); "joint" weighs them by M, renewed until it settles
+    method : "report" weighs every direction alike, (10); "joint" weighs them by M, renewed until it settles, and with
+        fewer than LEAST_JOINT points, which M cannot be told well enough from, does as the report
     outliers : "out" leaves them out of the offset and of M; "noise" of M alone, as the report did in 17 sets;
         "in" of nothing
     left_out : (T,) true at points that an analyst leaves out, of offset and of M
-    Gaps farther than CUT robust standard deviations from the corrected ones are outliers: one list for both. M is
-    taken about smooth courses after the correction, so that a gap which changes along the track because of the
-    offset itself does not count as noise.
+    Gaps farther than CUT robust standard deviations (of few points: more) from the corrected ones are outliers: one
+    list for both. M is taken about smooth courses after the correction, so that a gap which changes along the track
+    because of the offset itself does not count as noise.
     Raises ValueError for another method or way with outliers.
     """
     if method not in METHODS or outliers not in OUTLIERS:
@@ -148,8 +153,10 @@ def estimate_timing(
     count = crossover.point_count.astype(float)
     quiet = usable if outliers == "in" else usable & _without_outliers(crossover.gap, c, count, usable)
     keep = quiet if outliers == "out" else usable
-    bare = replace(_corrected(crossover, c, count, keep, quiet, np.eye(3)), in_shadow=int(np.sum(~reached)))
-    if method == "report":
+    shadow = int(np.sum(~reached))
+    bare = _corrected(crossover, c, count, keep, quiet, np.eye(3))
+    bare = replace(bare, in_shadow=shadow, degree=_degree(bare, crossover, first, second))
+    if method == "report" or quiet.sum() < LEAST_JOINT:
         return _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, np.eye(3))
     weight = np.eye(3)
     for _ in range(JOINT_ROUNDS):
@@ -159,12 +166,37 @@ def estimate_timing(
             return replace(found, method=method)
         weight = np.linalg.inv(found.noise)
         weight = weight / np.trace(weight)
-        bare = replace(_corrected(crossover, c, count, keep, quiet, weight), in_shadow=bare.in_shadow)
+        again = _corrected(crossover, c, count, keep, quiet, weight)
+        bare = replace(again, in_shadow=shadow, degree=bare.degree)
         if abs(bare.offset_s - before) < 1e-3 * found.sigma_offset_s:
             break
     settled = abs(bare.offset_s - before) < 1e-2 * found.sigma_offset_s
     found = _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, weight)
-    return replace(found, method=method, settled=bool(settled))
+    wider = 1.0 if noise is not None else _by_estimated_weights(found.noise_points)
+    return replace(
+        found,
+        method=method,
+        settled=bool(settled),
+        sigma_offset_s=wider * found.sigma_offset_s,
+        sigma_drift_s_per_count=wider * found.sigma_drift_s_per_count,
+    )
+
+
+def _by_estimated_weights(points: int) -> float:
+    """By how much a sigma grows because the M that weighs three directions is estimated from so many points.
+
+    Weighing by M takes the offset's own direction free of what correlates with the two across it: as a regression on
+    two series does, it leaves less to see and errs itself (Rao 1967, for M from a Wishart law).
+    """
+    freedom = points - 2
+    return float(np.sqrt(freedom / (freedom - 2) * (freedom - 1) / (freedom - 3)))
+
+
+def _degree(bare: TimingCorrection, crossover, first: Stretch, second: Stretch) -> int:
+    """Of the smooth course of the corrected track, which the offset itself does not bend."""
+    x, y = corrected_tracks(crossover, first, second, bare.offset_s, bare.drift_s_per_count, bare.t0)
+    keep = ~bare.excluded
+    return choose_degree((x[keep] + y[keep]) / 2, crossover.point_count[keep])
 
 
 def _corrected(crossover, c, count, keep, quiet, weight) -> TimingCorrection:
@@ -172,8 +204,9 @@ def _corrected(crossover, c, count, keep, quiet, weight) -> TimingCorrection:
     offset, drift, t0 = _solve(c[keep], crossover.gap[keep], count[keep], weight)
     residual = crossover.gap + (offset + drift * (count - t0))[:, None] * c
     before, after = crossover.gap[keep], residual[keep]
-    square = np.sum(c[keep] ** 2, axis=1)
-    some = len(before) > 0
+    some = max(len(before), 1)
+    pull = np.where(keep[:, None], c @ weight, 0.0)
+    time = np.column_stack([np.ones(len(after)), count[keep] - t0])
     return TimingCorrection(
         offset_s=offset,
         drift_s_per_count=drift,
@@ -181,13 +214,13 @@ def _corrected(crossover, c, count, keep, quiet, weight) -> TimingCorrection:
         points=int(keep.sum()),
         excluded=~keep,
         residual=residual,
-        mean_before=before.mean(axis=0) if some else np.zeros(3),
-        mean_after=after.mean(axis=0) if some else np.zeros(3),
+        mean_before=before.sum(axis=0) / some,
+        mean_after=after.sum(axis=0) / some,
         rms_before=_rms(before),
         rms_after=_rms(after),
-        mean_square=float(square.mean()) if some else 0.0,
-        mean_square_in_time=float(np.mean((count[keep] - t0) ** 2 * square)) if some else 0.0,
-        degree=choose_degree((crossover.x[keep] + crossover.y[keep]) / 2, count[keep]),
+        gain=pull / max(np.sum(pull * c), 1e-300),
+        q_slope=time.T @ np.sum(c[keep] * after, axis=1) / some,
+        q_bend=(time.T * np.sum(c[keep] ** 2, axis=1)) @ time / some,
         noise_points=int(quiet.sum()),
     )
 
@@ -230,10 +263,11 @@ def _without_outliers(gap: np.ndarray, c: np.ndarray, count: np.ndarray, usable:
     single = -np.sum(c * gap, axis=1) / np.where(weight > 0, weight, 1.0)
     start = _weighted_median(single[usable], weight[usable])
     residual = gap + start * c
+    cut = CUT * (1 + (FEW / usable.sum()) ** 2)
     for _ in range(ROUNDS):
         middle = np.median(residual[keep], axis=0)
         scale = 1.4826 * np.median(np.abs(residual[keep] - middle), axis=0)
-        renewed = usable & np.all(np.abs(residual - middle) <= CUT * np.maximum(scale, 1e-6), axis=1)
+        renewed = usable & np.all(np.abs(residual - middle) <= cut * np.maximum(scale, 1e-6), axis=1)
         if renewed.sum() < MIN_POINTS or np.array_equal(renewed, keep):
             break
         keep = renewed
@@ -288,7 +322,8 @@ def _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, weighing)
         point_count=count,
         scale_known=told,
     )
-    mean_sigma = np.sqrt(np.diag(noise) * spread.length / bare.points)
+    # The offset is a mean along the pull: by as much as it is less sure than (17) says, so are these means.
+    mean_sigma = np.sqrt(np.diag(noise) / bare.points) * spread.sigma[0] * weight.sum() / np.linalg.norm(size)
     return replace(
         bare,
         sigma_offset_s=float(spread.sigma[0]),
