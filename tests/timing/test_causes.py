@@ -16,7 +16,7 @@ from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.simulation.crossover_runs import ClockTruth, simulate_crossover
-from trackerlib.timing.causes import compare_causes
+from trackerlib.timing.causes import compare_causes, independent_shares
 
 DEPTH = np.arange(0.0, 2000.0, 100.0)
 PROFILE = SoundSpeedProfile(DEPTH, 4870.0 - 20 * np.exp(-DEPTH / 300) + 0.012 * DEPTH)
@@ -218,6 +218,20 @@ def test_a_bias_of_the_elevations_is_named():
     assert ranking.best.name == "elevation bias of array 2"
     found, sigma = estimate(ranking.best, "elevation (rad)")
     assert abs(found + 2e-3) < 4 * sigma
+
+
+def test_gaps_of_three_arrays_at_one_count_are_two():
+    count = np.arange(4)
+    none = np.zeros((4, 3))
+    sets = [CrossoverSet((1, 2), count, none, none), CrossoverSet((2, 3), count[2:], none[2:], none[2:])]
+    alone = independent_shares(sets)
+    assert [share.tolist() for share in alone] == [[1, 1, 1, 1], [1, 1]]
+    shared = independent_shares([*sets, CrossoverSet((1, 3), count[1:], none[1:], none[1:])])
+    assert shared[0] == pytest.approx([1, 1, 2 / 3, 2 / 3])
+    assert shared[1] == pytest.approx([2 / 3, 2 / 3])
+    assert shared[2] == pytest.approx([1, 2 / 3, 2 / 3])
+    apart = independent_shares([sets[0], CrossoverSet((3, 4), count, none, none)])
+    assert [share.tolist() for share in apart] == [[1] * 4] * 2
 
 
 def test_one_set_cannot_tell_which_of_two_arrays_is_displaced():

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from scipy import stats
 
-from trackerlib.timing.one_run import offsets_agree, without_each_array
+from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.crossover.pairs import CrossoverSet
+from trackerlib.crossover.survey import ArraySurvey
+from trackerlib.timing.correction import fit_timing
+from trackerlib.timing.one_run import judge_run, offsets_agree, without_each_array
 
 PAIRS = [(a, b) for a in range(1, 6) for b in range(a + 1, 6)]
 
@@ -40,6 +46,25 @@ def test_the_array_that_stands_in_the_way_comes_first():
     assert best.agree
     assert best.offsets == 6
     assert not second.agree
+
+
+def test_three_arrays_at_once_tell_two_gaps_and_not_three():
+    """Sets of three arrays that see all of one straight track: one offset's sigma and its distance stay true."""
+    depth = np.array([0.0, 2000.0])
+    profile = SoundSpeedProfile(depth, 4870 + 0.02 * depth)
+    place = np.array([[0.0, 0, -1300], [6000.0, 300, -1250], [3000.0, 5200, -1350]])
+    survey = ArraySurvey(np.arange(1, 4), place, np.full(3, "NaT", "datetime64[D]"), np.zeros(3, bool))
+    count = np.arange(60)
+    track = np.array([1800.0, 900.0, -400.0]) + np.outer(count, [35.0, 20.0, 0.0])
+    rng, score, distance = np.random.default_rng(3), [], []
+    for _ in range(120):
+        seen = [track + rng.normal(0, 1.5, track.shape) for _ in place]
+        sets = [CrossoverSet((a + 1, b + 1), count, seen[a], seen[b]) for a, b in combinations(range(3), 2)]
+        whole = judge_run(sets, [fit_timing(one, survey, profile) for one in sets]).whole
+        score.append(whole.offset_s / whole.sigma_offset_s)
+        distance.append(whole.distance / whole.dof)
+    assert np.std(score) < 1.03
+    assert np.mean(distance) == pytest.approx(1.0, abs=0.25)
 
 
 def test_one_offset_cannot_be_compared():

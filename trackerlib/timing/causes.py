@@ -169,9 +169,10 @@ def compare_causes(
     downrange = np.concatenate([one.x[:, 0] for one, _ in usable])
     centre = (float(np.mean(counts)), float(np.mean(downrange)))
     normals = []
-    for k, (one, fit) in enumerate(usable):
+    shares = independent_shares([one for one, _ in usable])
+    for k, ((one, fit), share) in enumerate(zip(usable, shares, strict=True)):
         progress(k / len(usable), f"set {k + 1} of {len(usable)}")
-        normals.append(_normal(one, fit, survey, profile, columns, centre))
+        normals.append(_normal(one, fit, share, survey, profile, columns, centre))
     total = _added(normals, int(ends[-1]))
     candidates: list[tuple[Cause, ...]] = [(cause,) for cause in causes]
     if pairs:
@@ -254,8 +255,25 @@ def _added(normals: Sequence[_Normal], size: int) -> _Normal:
     )
 
 
-def _normal(one: CrossoverSet, fit, survey, profile, columns, centre) -> _Normal:
-    """One set's normal equations, whitened by its own noise about straight lines after its own timing correction."""
+def independent_shares(sets: Sequence[CrossoverSet]) -> list[np.ndarray]:
+    """How much of each gap (T,) of each set is its own: three gaps of three arrays at one count are two, 2/3 each."""
+    counts = [one.point_count for one in sets]
+    every, where = np.unique(np.concatenate(counts), return_inverse=True)
+    seen = np.zeros((len(every), len(sets)), bool)
+    seen[where, np.repeat(np.arange(len(sets)), [len(one) for one in counts])] = True
+    arrays = np.unique([one.pair for one in sets])
+    first, second = np.array([one.pair for one in sets]).T
+    joined = np.equal.outer(first, arrays).astype(float) - np.equal.outer(second, arrays)
+    patterns, which = np.unique(seen, axis=0, return_inverse=True)
+    share = np.array([np.linalg.matrix_rank(joined[pattern]) / pattern.sum() for pattern in patterns])
+    return np.split(share[which.ravel()][where], np.cumsum([len(one) for one in counts])[:-1])
+
+
+def _normal(one: CrossoverSet, fit, share, survey, profile, columns, centre) -> _Normal:
+    """One set's normal equations, whitened by its own noise about smooth courses after its own timing correction.
+
+    share : (T,) of `independent_shares`
+    """
     first, second = stretches(one, survey, profile)
     x, y = corrected_tracks(one, first, second, fit.offset_s, fit.drift_s_per_count, fit.t0)
     noise = residual_noise(x, y, one.point_count, degree=fit.degree).gap
@@ -265,11 +283,11 @@ def _normal(one: CrossoverSet, fit, survey, profile, columns, centre) -> _Normal
     chosen = np.concatenate([columns[name] for name in patterns])
     order = np.argsort(chosen)
     stacked = np.concatenate(list(patterns.values()), axis=2)[:, :, order]
-    white = np.einsum("ij,tjk->tik", whiten, stacked).reshape(-1, len(chosen))
-    gap = (one.gap @ whiten.T).ravel()
-    return _Normal(
-        chosen[order], white.T @ white, white.T @ gap, float(gap @ gap), gap.size / fit.correlation_length
-    )
+    root = np.sqrt(share)[:, None]
+    white = np.einsum("ij,tjk->tik", whiten, root[..., None] * stacked).reshape(-1, len(chosen))
+    gap = (root * one.gap @ whiten.T).ravel()
+    count = 3 * float(share.sum()) / fit.correlation_length
+    return _Normal(chosen[order], white.T @ white, white.T @ gap, float(gap @ gap), count)
 
 
 def _patterns(one: CrossoverSet, first, second, survey, profile, centre) -> dict[str, np.ndarray]:

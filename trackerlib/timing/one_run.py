@@ -4,13 +4,15 @@
     print(verdict.simplest)
 
 Beside the report's test (20)-(27), which takes its variances from many runs, one run alone can be judged by what each
-offset says of itself: Aitken's mean (26) and distance (27) with the stated variances for V.
+offset says of itself: Aitken's mean (26) and distance (27) with the stated variances for V. Where three arrays see a
+point count at once, their three sets hold two gaps, and the offsets are not independent: V has their covariances too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.stats import chi2
@@ -19,6 +21,7 @@ from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.timing.correction import TimingCorrection
 
 MOST_LIKELY = 0.05  # p-value from which offsets pass for one
+OWN = 0.1  # least eigenvalue of the offsets' correlation at which a sum of them says anything that others do not
 
 
 @dataclass(frozen=True)
@@ -53,20 +56,24 @@ def offsets_agree(
     point_count: np.ndarray,
     drift: bool = False,
     left_out: int | None = None,
+    correlation: np.ndarray | None = None,
 ) -> Agreement:
     """Whether offsets (N,), known to sigma_s (N,) at point counts (N,), are one, or with `drift` a straight line.
 
+    correlation : (N, N) of the offsets' errors, of `offsets_correlation`; None: independent
     Raises ValueError with fewer than two offsets.
     """
     offset, weight = np.asarray(offset_s, float), 1 / np.asarray(sigma_s, float) ** 2
     if len(offset) < 2:
         raise ValueError(f"{len(offset)} offsets cannot be compared; wanted two or more")
     middle = float(np.average(point_count, weights=weight))
-    columns = np.column_stack([np.ones(len(offset)), point_count - middle])[:, : 1 + drift]
-    covariance = np.linalg.pinv((columns.T * weight) @ columns)
-    found = covariance @ (columns.T @ (weight * offset))
-    apart = offset - columns @ found
-    distance, dof = float(weight @ apart**2), len(offset) - int(np.linalg.matrix_rank(columns))
+    values, vectors = np.linalg.eigh(np.eye(len(offset)) if correlation is None else correlation)
+    whiten = (vectors / np.sqrt(np.maximum(values, OWN)))[:, values >= OWN].T * np.sqrt(weight)
+    columns = whiten @ np.column_stack([np.ones(len(offset)), point_count - middle])[:, : 1 + drift]
+    covariance = np.linalg.pinv(columns.T @ columns)
+    found = covariance @ (columns.T @ (whiten @ offset))
+    apart = whiten @ offset - columns @ found
+    distance, dof = float(apart @ apart), len(apart) - int(np.linalg.matrix_rank(columns))
     sigma = np.sqrt(np.diag(covariance))
     return Agreement(
         left_out=left_out,
@@ -88,6 +95,7 @@ def without_each_array(
     sigma_s: np.ndarray,
     point_count: np.ndarray,
     drift: bool = False,
+    correlation: np.ndarray | None = None,
 ) -> tuple[Agreement, ...]:
     """The same with the sets of one array after the other left out, the best agreement first."""
     table = np.asarray(pairs)
@@ -95,8 +103,27 @@ def without_each_array(
     for number in np.unique(table):
         rest = ~np.any(table == number, axis=1)
         if rest.sum() > 1 + drift:
-            found.append(offsets_agree(offset_s[rest], sigma_s[rest], point_count[rest], drift, int(number)))
+            left = None if correlation is None else correlation[np.ix_(rest, rest)]
+            table_left = offset_s[rest], sigma_s[rest], point_count[rest]
+            found.append(offsets_agree(*table_left, drift, int(number), left))
     return tuple(sorted(found, key=lambda one: one.scatter))
+
+
+def offsets_correlation(sets: Sequence[CrossoverSet], fits: Sequence[TimingCorrection]) -> np.ndarray:
+    """Correlation (N, N) of the errors of the offsets of sets that share an array at some point counts.
+
+    Both sets hold that array's noise there, which is taken for half of each set's M. Each fit has an M.
+    """
+    correlation = np.eye(len(sets))
+    for (i, one), (j, other) in combinations(enumerate(sets), 2):
+        for number in set(one.pair) & set(other.pair):
+            _, k, m = np.intersect1d(one.point_count, other.point_count, return_indices=True)
+            sign = 1.0 if (number == one.pair[0]) == (number == other.pair[0]) else -1.0
+            shared = sign * (fits[i].noise + fits[j].noise) / 4
+            common = np.sum(fits[i].gain[k] @ shared * fits[j].gain[m])
+            size = [np.sqrt(np.sum(fit.gain @ fit.noise * fit.gain)) for fit in (fits[i], fits[j])]
+            correlation[i, j] = correlation[j, i] = common / max(size[0] * size[1], 1e-300)
+    return correlation
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,17 +148,16 @@ def judge_run(sets: Sequence[CrossoverSet], fits: Sequence[TimingCorrection | No
     Raises ValueError with fewer than three offsets.
     """
     known = [
-        (one, fit)
-        for one, fit in zip(sets, fits, strict=True)
-        if fit is not None and fit.sigma_offset_s is not None
+        (one, fit) for one, fit in zip(sets, fits, strict=True) if fit is not None and fit.sigma_offset_s
     ]
     if len(known) < 3:
         raise ValueError(f"{len(known)} sets have an offset with a sigma; wanted three or more")
     pairs = [one.pair for one, _ in known]
+    correlation = offsets_correlation(*zip(*known, strict=True))
     offset, sigma, count = np.array([(fit.offset_s, fit.sigma_offset_s, fit.t0) for _, fit in known]).T
     return RunVerdict(
-        whole=offsets_agree(offset, sigma, count),
-        drifting=offsets_agree(offset, sigma, count, drift=True),
-        without=without_each_array(pairs, offset, sigma, count),
-        without_drifting=without_each_array(pairs, offset, sigma, count, drift=True),
+        whole=offsets_agree(offset, sigma, count, correlation=correlation),
+        drifting=offsets_agree(offset, sigma, count, drift=True, correlation=correlation),
+        without=without_each_array(pairs, offset, sigma, count, correlation=correlation),
+        without_drifting=without_each_array(pairs, offset, sigma, count, True, correlation),
     )
