@@ -93,6 +93,6 @@ def table_of_causes(ranking: Ranking) -> pd.DataFrame:
                 "held out": None if fit.held_out is None else round(fit.held_out, 3),
                 "estimate": parameters_words(fit),
             }
-            for fit in ranking.fits[:LISTED]
+            for fit in ranking.leading(LISTED)
         ]
     )

@@ -163,6 +163,10 @@ def _parameter(name: str, value: float, sigma: float) -> str:
 def ranking_sentence(ranking: Ranking, scope: str) -> str:
     """Which cause the gaps support, how well, and what the geometry cannot separate, as HTML."""
     best = ranking.best
+    if not best.parameters:
+        words = f"<b>Noise alone explains the gaps of {scope}</b>; no cause fits better than the best of so many would "
+        words += f"by luck. Chi-square per number is {best.chi_square / best.count:.2f}; 1 is what noise alone leaves."
+        return words + _skipped(ranking)
     words = (
         f"<b>What fits {scope} best is {html.escape(best.name)}:</b> {html.escape(parameters_words(best))}. "
         f"It brings chi-square per number from {ranking.chi_square_before / best.count:.1f} to "
@@ -176,9 +180,11 @@ def ranking_sentence(ranking: Ranking, scope: str) -> str:
             f" <b>Array {arrays[0]} seems to lie {np.linalg.norm(best.estimate[moved]):.1f} ft from where the table "
             "puts it</b>; its position should be moved by these three."
         )
-    rival = next((fit for fit in ranking.fits if fit is not best and fit.aicc > 0), None)
+    rival = next((fit for fit in ranking.fits if fit.aicc > best.aicc), None)
     if rival is not None:
-        words += f" The next best, {html.escape(rival.name)}, is {rival.aicc:.0f} worse in AICc."
+        words += f" The next best, {html.escape(rival.name)}, is {rival.aicc - best.aicc:.0f} worse in AICc."
+    if best.aicc > 0:
+        words += f" {_sentence_case(ranking.fits[0].name)} is {best.aicc:.0f} better in AICc, no more than by luck."
     if best.held_out is not None:
         words += f" On sets that the fit had not seen chi-square per number is {best.held_out:.2f}."
     if best.alike:
@@ -186,13 +192,16 @@ def ranking_sentence(ranking: Ranking, scope: str) -> str:
     if best.hardly_separated:
         pairs = [f"{SHOWN[a][0]} and {SHOWN[b][0]}" for a, b in best.hardly_separated]
         words += f" The geometry hardly separates {_listed(pairs)}."
-    if ranking.skipped:
-        words += (
-            f"<details><summary>Sets that could not take part: {len(ranking.skipped)}</summary>"
-            + "<br>".join(html.escape(one) for one in ranking.skipped)
-            + "</details>"
-        )
-    return words
+    return words + _skipped(ranking)
+
+
+def _skipped(ranking: Ranking) -> str:
+    if not ranking.skipped:
+        return ""
+    listed = "<br>".join(html.escape(one) for one in ranking.skipped)
+    return (
+        f"<details><summary>Sets that could not take part: {len(ranking.skipped)}</summary>{listed}</details>"
+    )
 
 
 def _believed(ranking: Ranking) -> str:
@@ -210,7 +219,7 @@ def _believed(ranking: Ranking) -> str:
             "to tell the causes apart."
         )
     if len(best.causes) > 1:
-        alone = next(fit for fit in ranking.fits if len(fit.causes) == 1)
+        alone = next(fit for fit in ranking.fits if len(fit.causes) == 1 and fit.parameters)
         words += (
             f" Of the causes alone the best is {html.escape(alone.name)}: {html.escape(parameters_words(alone))}, "
             f"with chi-square per number {alone.chi_square / alone.count:.2f}."

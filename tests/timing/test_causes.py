@@ -38,12 +38,14 @@ def survey() -> ArraySurvey:
     )
 
 
-def run(rng, *, offset=0.0, drift=0.0, profile=PROFILE, displaced=None) -> list[CrossoverSet]:
+def run(
+    rng, *, offset=0.0, drift=0.0, profile=PROFILE, displaced=None, depths=(400.0,)
+) -> list[CrossoverSet]:
     """Six sets of four arrays from one vehicle that sails across the range. Simulated."""
     sets = []
     for number, (a, b) in enumerate([(1, 2), (1, 3), (2, 3), (2, 4), (3, 4), (1, 2)]):
         middle = (np.array(PLACES[a]) + np.array(PLACES[b])) / 2
-        middle[2] = -400.0
+        middle[2] = -depths[number % len(depths)]
         heading = rng.uniform(0, 2 * np.pi)
         step = 45 * np.array([np.cos(heading), np.sin(heading), 0.0])
         count = COUNT + 500 * number
@@ -75,6 +77,39 @@ def test_an_offset_alone_is_called_an_offset():
     value, sigma = estimate(ranking.best, "offset (s)")
     assert abs(value - 3e-3) < 4 * sigma
     assert ranking.best.held_out == pytest.approx(1.0, abs=0.25)
+
+
+def test_where_nothing_is_wrong_no_cause_is_named():
+    for seed in range(30, 36):
+        ranking = compare_causes(run(np.random.default_rng(seed)), survey(), PROFILE)
+        assert ranking.best.name == "no cause beyond noise"
+        assert ranking.best in ranking.leading(3)
+        assert len(ranking.leading(3)) <= 4
+        assert ranking.best.held_out == pytest.approx(1.0, abs=0.3)
+
+
+def test_an_azimuth_bias_is_not_called_a_rotation_that_has_more_to_turn():
+    for seed in range(40, 46):
+        turned = []
+        for one in run(np.random.default_rng(seed), offset=2e-3):
+            x, y = (
+                version + 1e-3 * np.cross([0, 0, 1.0], version - np.array(PLACES[array])) * (array == 2)
+                for array, version in zip(one.pair, (one.x, one.y), strict=True)
+            )
+            turned.append(CrossoverSet(one.pair, one.point_count, x, y, one.pass_number, source="simulated"))
+        found = compare_causes(turned, survey(), PROFILE).best
+        assert found.name == "timing offset and azimuth bias of array 2"
+
+
+def test_a_gradient_turns_about_one_depth_for_vehicles_at_several():
+    water = SoundSpeedProfile(DEPTH, PROFILE.speed + 0.03 * (DEPTH - 850.0))
+    sets = in_other_water(
+        run(np.random.default_rng(14), depths=(100.0, 900.0)), lambda count, downrange: water
+    )
+    found = compare_causes(sets, survey(), PROFILE).best
+    assert "gradient of sound speed" in found.name
+    assert estimate(found, "gradient (1/s)")[0] == pytest.approx(0.03, rel=0.1)
+    assert found.chi_square / found.count < 1.3
 
 
 def test_a_drift_is_found_beside_the_offset():

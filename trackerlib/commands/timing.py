@@ -235,7 +235,7 @@ def causes_document(ranking: Ranking) -> dict:
 
     return {
         "best_cause": ranking.best.name,
-        "causes": [one(fit) for fit in ranking.fits[:MOST_CAUSES]],
+        "causes": [one(fit) for fit in ranking.leading(MOST_CAUSES)],
         "causes_skipped_sets": list(ranking.skipped),
     }
 

@@ -90,20 +90,40 @@ class Ranking:
 
     @property
     def best(self) -> CauseFit:
-        """The cause that the run supports: the least AICc, but one cause alone unless two are clearly better.
+        """The cause that the run supports: the simplest that none beats by more than luck, often but not always first.
 
-        Of many useless pairs the best gains a good deal by luck, so a pair must beat the best single cause with a
-        chance of at most LUCK that any of those tried would have done so.
+        Of many useless causes the best gains a good deal by luck. So no cause at all, then single causes and then
+        pairs by their parameters give way only to one whose gain would come with a chance of at most LUCK to any of
+        those of its kind.
         """
-        least = self.fits[0]
-        alone = next(fit for fit in self.fits if len(fit.causes) == 1)
-        more = len(least.parameters) - len(alone.parameters)
-        if more <= 0:
-            return least
-        gained = least.count * np.log(alone.chi_square / least.chi_square)
-        return least if len(self.fits) * chi2.sf(gained, more) < LUCK else alone
+        return _supported(self.fits)
+
+    def leading(self, count: int) -> tuple[CauseFit, ...]:
+        """The first so many causes, and the best after them where it is none of these."""
+        first = self.fits[:count]
+        return first if any(fit is self.best for fit in first) else (*first, self.best)
 
 
+def _supported(fits: Sequence[CauseFit]) -> CauseFit:
+    kinds: dict[tuple[int, int], list[CauseFit]] = {}
+    for fit in fits:
+        kinds.setdefault((len(fit.causes), len(fit.parameters)), []).append(fit)
+    held = None
+    for _, rivals in sorted(kinds.items()):
+        best = rivals[0]
+        if held is None:
+            held = best
+            continue
+        gained = best.count * np.log(held.chi_square / best.chi_square)
+        more = len(best.parameters) - len(held.parameters)
+        # With no more parameters: of two laws, data favour the false one k-fold with a chance of 1/k at most.
+        chance = chi2.sf(gained, more) if more > 0 else np.exp(-gained / 2)
+        if len(rivals) * chance < LUCK:
+            held = best
+    return held
+
+
+NONE = Cause("no cause beyond noise", ())
 COMMON = (
     Cause("timing offset", ("offset (s)",)),
     Cause("timing drift", ("drift (s/count)",)),
@@ -167,14 +187,16 @@ def compare_causes(
     }
     counts = np.concatenate([one.point_count for one, _ in usable])
     downrange = np.concatenate([one.x[:, 0] for one, _ in usable])
-    centre = (float(np.mean(counts)), float(np.mean(downrange)))
+    height = np.concatenate([one.x[:, 2] for one, _ in usable])
+    floor = np.mean([survey.position_of(number)[2] for one, _ in usable for number in one.pair])
+    centre = (float(np.mean(counts)), float(np.mean(downrange)), float(-(np.median(height) + floor) / 2))
     normals = []
     shares = independent_shares([one for one, _ in usable])
     for k, ((one, fit), share) in enumerate(zip(usable, shares, strict=True)):
         progress(k / len(usable), f"set {k + 1} of {len(usable)}")
         normals.append(_normal(one, fit, share, survey, profile, columns, centre))
     total = _added(normals, int(ends[-1]))
-    candidates: list[tuple[Cause, ...]] = [(cause,) for cause in causes]
+    candidates: list[tuple[Cause, ...]] = [(cause,) for cause in (NONE, *causes)]
     if pairs:
         candidates += list(combinations(causes, 2))
     return _ranked(candidates, columns, total, normals, tuple(skipped))
@@ -183,7 +205,7 @@ def compare_causes(
 def _ranked(candidates, columns, total: _Normal, normals, skipped) -> Ranking:
     fits = []
     for candidate in candidates:
-        chosen = np.concatenate([columns[cause.name] for cause in candidate])
+        chosen = _columns_of(candidate, columns)
         estimate, inverse = _solved(total, chosen)
         chi_square = float(total.square + total.right[chosen] @ estimate)
         spread = max(chi_square / max(total.count - len(chosen), 1.0), 1.0)
@@ -195,14 +217,13 @@ def _ranked(candidates, columns, total: _Normal, normals, skipped) -> Ranking:
             CauseFit(candidate, names, estimate, spread * inverse, chi_square, total.count, float(aicc), None)
         )
     fits.sort(key=lambda fit: fit.aicc)
-    least = fits[0].aicc
+    least, best = fits[0].aicc, _supported(fits)
     out = []
     for rank, fit in enumerate(fits):
         held_out = None
-        if len(normals) > 2 and (rank < HELD_OUT or (len(fit.causes) == 1 and fit.causes[0].array is None)):
-            held_out = _held_out(
-                np.concatenate([columns[cause.name] for cause in fit.causes]), total, normals
-            )
+        common = len(fit.causes) == 1 and fit.causes[0].array is None
+        if len(normals) > 2 and (rank < HELD_OUT or common or fit is best):
+            held_out = _held_out(_columns_of(fit.causes, columns), total, normals)
         alike = tuple(
             other.name
             for other in fits[max(rank - 8, 0) : rank + 9]
@@ -212,6 +233,10 @@ def _ranked(candidates, columns, total: _Normal, normals, skipped) -> Ranking:
         )
         out.append(replace(fit, aicc=fit.aicc - least, held_out=held_out, alike=alike))
     return Ranking(tuple(out), len(normals), total.square, skipped)
+
+
+def _columns_of(causes: Sequence[Cause], columns: dict[str, np.ndarray]) -> np.ndarray:
+    return np.concatenate([np.empty(0, int), *(columns[cause.name] for cause in causes if cause.parameters)])
 
 
 def _solved(total: _Normal, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -297,7 +322,8 @@ def _patterns(one: CrossoverSet, first, second, survey, profile, centre) -> dict
     # All speeds larger by a share: the same ray, followed farther by that share of its time.
     scale = first.velocity * first.travel_time[:, None] - second.velocity * second.travel_time[:, None]
     positions = [survey.position_of(number) for number in one.pair]
-    gradient = _by_gradient(one.x, positions[0], profile) - _by_gradient(one.y, positions[1], profile)
+    gradient = _by_gradient(one.x, positions[0], profile, centre[2])
+    gradient = gradient - _by_gradient(one.y, positions[1], profile, centre[2])
     water = (scale, gradient, t[:, None] * scale, downrange[:, None] * scale)
     patterns = {
         cause.name: pattern[:, :, None]
@@ -355,11 +381,10 @@ def _by_elevation(track, position, profile) -> np.ndarray:
     return np.linalg.solve(_slopes(track, position, profile), np.array([1.0, 0.0])[:, None])[..., 0]
 
 
-def _by_gradient(track, position, profile) -> np.ndarray:
-    """Movement (T, 3) by a speed that grows by one length/s more for each length of depth below the middle."""
+def _by_gradient(track, position, profile, middle: float) -> np.ndarray:
+    """Movement (T, 3) by a speed that grows by one length/s more for each length of depth below a middle."""
     horizontal, depth, array_depth = _placed(track, position)
     small = 1e-4
-    middle = 0.5 * (np.median(depth) + array_depth)
     deepest = max(float(depth.max()), array_depth, float(profile.depth[-1])) + STEP
     wide = profile.extended(0.0, deepest)
     steeper = replace(wide, speed=wide.speed + small * (wide.depth - middle))
