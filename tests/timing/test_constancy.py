@@ -65,13 +65,15 @@ def simulated(seed: int, pair_sigma: float = 0.0) -> OffsetTable:
 
 
 def test_p_values_that_allow_for_estimated_variances_are_uniform_where_one_offset_serves():
-    runs, pairs = [], []
+    runs, pairs, alike = [], [], []
     for seed in range(60):
         table = simulated(seed)
         variances = estimated_variances(table)
         runs += [test.p_value_estimated for test in runs_constant(table, variances) if test.dof]
-        pairs += [test.p_value_estimated for test in pair_effects(table, variances).coherence if test.dof]
-    for values in (np.array(runs), np.array(pairs)):
+        effects = pair_effects(table, variances)
+        pairs += [test.p_value_estimated for test in effects.coherence if test.dof]
+        alike.append(effects.all_alike.p_value_estimated)
+    for values in (np.array(runs), np.array(pairs), np.array(alike)):
         for level in (0.05, 0.2, 0.5):
             assert np.mean(values < level) == pytest.approx(
                 level, abs=4 * np.sqrt(level * (1 - level) / len(values))

@@ -28,7 +28,7 @@ from trackerlib.timing.correction import corrected_tracks, estimate_timing, stre
 STEP = 1.0  # length by which a place is moved to see how its ray changes
 SAME = 1e-6  # relative: chi-squares closer than this are one, and the geometry cannot tell the causes apart
 HELD_OUT = 15  # causes, best first, that are also tried on sets left out
-LUCK = 0.01  # chance that the best of all useless pairs looks better than a cause alone
+LUCK = 0.01  # chance that the best of all useless causes looks better than a simpler one
 CORRELATED = 0.95  # two parameters with a correlation beyond this are hardly told apart
 LEAST_VARIANCE = 0.01  # ft^2 along any direction: positions are printed to 0.1 ft
 
@@ -93,8 +93,8 @@ class Ranking:
         """The cause that the run supports: the simplest that none beats by more than luck, often but not always first.
 
         Of many useless causes the best gains a good deal by luck. So no cause at all, then single causes and then
-        pairs by their parameters give way only to one whose gain would come with a chance of at most LUCK to any of
-        those of its kind.
+        pairs by their parameters give way only to one whose gain would come to any useless cause with a chance of at
+        most LUCK, shared out evenly among the kinds.
         """
         return _supported(self.fits)
 
@@ -118,7 +118,7 @@ def _supported(fits: Sequence[CauseFit]) -> CauseFit:
         more = len(best.parameters) - len(held.parameters)
         # With no more parameters: of two laws, data favour the false one k-fold with a chance of 1/k at most.
         chance = chi2.sf(gained, more) if more > 0 else np.exp(-gained / 2)
-        if len(rivals) * chance < LUCK:
+        if len(rivals) * (len(kinds) - 1) * chance < LUCK:
             held = best
     return held
 
