@@ -10,8 +10,10 @@ import pytest
 from trackerlib.commands import main
 from trackerlib.commands.timing import one_offset
 from trackerlib.crossover.edits import PointEdits, edits_csv
+from trackerlib.crossover.gating import gate_reports
 from trackerlib.rangefiles.arrays import read_arrays
 from trackerlib.rangefiles.crossover_file import read_crossover
+from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.rangefiles.velocity_file import read_velocity
 from trackerlib.timing.correction import fit_timing
 
@@ -134,11 +136,15 @@ def test_a_log_goes_with_the_t_file_of_its_run(folder, run, tmp_path):
 def test_the_runs_of_a_campaign_are_judged_each_for_itself(folder, run, capsys):
     code, answer, _ = run("timing", "--campaign", folder / "campaign.json", "--causes")
     assert code == 0
+    survey, profile = (
+        read_arrays(folder / "arrays.csv").survey,
+        read_velocity(folder / "VELOCITY.DAT").profile,
+    )
+    reports = read_tfile(folder / "tfile.dat").reports
     assert [(one["mode"], one["vehicle"]) for one in answer["runs"]] == [(7, "MK 30"), (2, "ship")]
     for one in answer["runs"]:
-        assert one["one_offset"] == one_offset(
-            [a_set for a_set in answer["sets"] if a_set["mode"] == one["mode"]]
-        )
+        sets = gate_reports(reports, survey, one["mode"]).sets
+        assert one["one_offset"] == one_offset(sets, [fit_timing(each, survey, profile) for each in sets])
     assert all(one["causes"] for one in answer["runs"])
     assert main(["timing", "--campaign", str(folder / "campaign.json")]) == 0
     said = capsys.readouterr().out

@@ -34,7 +34,7 @@ from trackerlib.rangefiles.tfile import read_tfile
 from trackerlib.textfiles import InputError, write_text
 from trackerlib.timing.causes import CauseFit, Ranking, compare_causes
 from trackerlib.timing.correction import METHODS, OUTLIERS, TimingCorrection, fit_timing
-from trackerlib.timing.one_run import offsets_agree
+from trackerlib.timing.one_run import judge_run
 
 __all__ = ["SUMMARY", "add_arguments", "document", "offsets_csv", "report", "run"]
 
@@ -110,23 +110,23 @@ def run(args: argparse.Namespace) -> dict:
     _check_out(args)
     survey = read_survey(args.arrays)
     profile = read_profile(args.profile, args.profile_speeds)
-    answers, sets, failed = fit_sets(args, survey, profile)
+    answers, sets, fits, failed = fit_sets(args, survey, profile)
     simulated = _is_simulated(args, sets)
-    answer = {"sets": answers, "failed_sets": failed, **_together(args, answers, sets, survey, profile)}
+    answer = {"sets": answers, "failed_sets": failed, **_together(args, sets, fits, survey, profile)}
     if args.out:
         write_text(args.out, offsets_csv(answers, args.day, args.run, simulated))
     return {**answer, "simulated": simulated}
 
 
 def fit_sets(args: argparse.Namespace, survey: ArraySurvey, profile: SoundSpeedProfile):
-    """Answers and sets of all files, and those of no use with the reason. Raises InputError where none is of use.
+    """Answers, sets and fits of all files, and those of no use with the reason. Raises InputError if none is of use.
 
     The sets are without the points left out by hand.
     """
     noise = _told_noise(args.covariance)
     edits, mode = _edits_of_sets(args)
     named = [(path, None) for path in args.crossover] + [_told(*one) for one in args.set]
-    answers, sets, failed, taken = [], [], [], set()
+    answers, sets, fits, failed, taken = [], [], [], [], set()
     for path, pair in named:
         try:
             if path.resolve() in taken:
@@ -137,30 +137,32 @@ def fit_sets(args: argparse.Namespace, survey: ArraySurvey, profile: SoundSpeedP
             doubts = set_doubts(crossover, survey)
             tell(path.name, reading.bad_records, [*reading.notes, *doubts])
             left_out = edits.excluded(crossover, mode)
-            answer = fit_set(args, path, crossover, survey, profile, noise, left_out)
+            answer, fit = fit_set(args, path, crossover, survey, profile, noise, left_out)
         except InputError as error:
             failed.append({"file": str(path), "why": str(error)})
             continue
         answers.append({**answer, "mode": args.mode, "remarks": doubts})
         sets.append(crossover.only(~left_out))
+        fits.append(fit)
     if not answers:
         raise InputError(f"no crossover set is of use; {failed[0]['file']}: {failed[0]['why']}")
     tell(profile.name, (), profile_doubts(profile, survey, {n for one in sets for n in one.pair}))
     _tell_edits(args, edits, answers)
     for one in failed:
         print(f"timing: {one['file']} is no use: {one['why']}; the other sets go on", file=sys.stderr)
-    return answers, sets, failed
+    return answers, sets, fits, failed
 
 
-def fit_set(args, path, crossover, survey, profile, noise, left_out) -> dict:
-    """The answer for one set without the points (T,) left out by hand."""
+def fit_set(args, path, crossover, survey, profile, noise, left_out) -> tuple[dict, TimingCorrection]:
+    """The answer for one set without the points (T,) left out by hand, and the fit itself."""
     options = {"method": args.method, "outliers": args.outliers, "left_out": left_out}
-    return document(path, crossover, fit_timing(crossover, survey, profile, noise, **options), left_out)
+    fit = fit_timing(crossover, survey, profile, noise, **options)
+    return document(path, crossover, fit, left_out), fit
 
 
-def _together(args, answers, sets, survey, profile) -> dict:
+def _together(args, sets, fits, survey, profile) -> dict:
     """What the sets of one run say together."""
-    answer = {"one_offset": one_offset(answers)}
+    answer = {"one_offset": one_offset(sets, fits)}
     if args.causes:
         try:
             answer |= causes_document(compare_causes(sets, survey, profile))
@@ -192,18 +194,13 @@ def _tell_edits(args: argparse.Namespace, edits: PointEdits, answers: list[dict]
         )
 
 
-def one_offset(answers: list[dict]) -> dict | None:
+def one_offset(sets: list[CrossoverSet], fits: list[TimingCorrection]) -> dict | None:
     """Whether the sets share one offset, and one offset with a drift, each judged by its own sigma."""
-    sure = [one for one in answers if one["sigma_offset_ms"]]
-    if len(sure) < 3:
+    try:
+        verdict = judge_run(sets, fits)
+    except ValueError:  # too few with a sigma
         return None
-    offset, sigma, t0 = (
-        np.array([one[key] for one in sure]) for key in ("offset_ms", "sigma_offset_ms", "t0")
-    )
-    tests = {
-        "constant": offsets_agree(1e-3 * offset, 1e-3 * sigma, t0),
-        "drifting": offsets_agree(1e-3 * offset, 1e-3 * sigma, t0, drift=True),
-    }
+    tests = {"constant": verdict.whole, "drifting": verdict.drifting}
     return {
         name: {
             "mean_offset_ms": 1e3 * test.offset_s,
@@ -270,13 +267,15 @@ def fit_run(args, one: CampaignRun, noise: np.ndarray | None, edits: PointEdits)
     doubts = profile_doubts(profile, survey, {n for crossover in gated.sets for n in crossover.pair})
     tell(f"timing: {one}", gated.bad_records, (*tfile.doubts, *gated.warnings, *doubts))
     known = {**{key: getattr(one, key) for key in RUN_KEYS}, "vehicle": one.vehicle}
-    answers = []
+    answers, fits = [], []
     for crossover in gated.sets:
         path = Path(one.folder) / crossover_file_name(crossover)
         left_out = edits.excluded(crossover, one.mode)
-        answers.append({**known, **fit_set(args, path, crossover, survey, profile, noise, left_out)})
+        answer, fit = fit_set(args, path, crossover, survey, profile, noise, left_out)
+        answers.append({**known, **answer})
+        fits.append(fit)
     kept = [edits.kept(crossover, one.mode) for crossover in gated.sets]
-    together = _together(args, answers, kept, survey, profile)
+    together = _together(args, kept, fits, survey, profile)
     return answers, {**known, **together, "simulated": tfile.simulated}
 
 

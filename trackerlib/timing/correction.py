@@ -48,6 +48,7 @@ class TimingCorrection:
     mean_after: np.ndarray  # (3,)
     rms_before: float  # root mean square length of the gap
     rms_after: float
+    point_count: np.ndarray  # (T,)
     gain: np.ndarray  # (T, 3) by how much each number of the gap lowers the offset; zero where left out
     q_slope: np.ndarray  # (2,) Ave (1, t - t0) c'residual: zero where the fit is the least of Q
     q_bend: np.ndarray  # (2, 2) Ave (1, t - t0)(1, t - t0)' ||c||^2 [(length/s)^2]
@@ -218,6 +219,7 @@ def _corrected(crossover, c, count, keep, quiet, weight) -> TimingCorrection:
         mean_after=after.sum(axis=0) / some,
         rms_before=_rms(before),
         rms_after=_rms(after),
+        point_count=crossover.point_count,
         gain=pull / max(np.sum(pull * c), 1e-300),
         q_slope=time.T @ np.sum(c[keep] * after, axis=1) / some,
         q_bend=(time.T * np.sum(c[keep] ** 2, axis=1)) @ time / some,

@@ -109,16 +109,16 @@ def without_each_array(
     return tuple(sorted(found, key=lambda one: one.scatter))
 
 
-def offsets_correlation(sets: Sequence[CrossoverSet], fits: Sequence[TimingCorrection]) -> np.ndarray:
-    """Correlation (N, N) of the errors of the offsets of sets that share an array at some point counts.
+def offsets_correlation(pairs: Sequence[tuple[int, int]], fits: Sequence[TimingCorrection]) -> np.ndarray:
+    """Correlation (N, N) of the errors of the offsets of array pairs that share an array at some point counts.
 
     Both sets hold that array's noise there, which is taken for half of each set's M. Each fit has an M.
     """
-    correlation = np.eye(len(sets))
-    for (i, one), (j, other) in combinations(enumerate(sets), 2):
-        for number in set(one.pair) & set(other.pair):
-            _, k, m = np.intersect1d(one.point_count, other.point_count, return_indices=True)
-            sign = 1.0 if (number == one.pair[0]) == (number == other.pair[0]) else -1.0
+    correlation = np.eye(len(pairs))
+    for (i, one), (j, other) in combinations(enumerate(pairs), 2):
+        for number in set(one) & set(other):
+            _, k, m = np.intersect1d(fits[i].point_count, fits[j].point_count, return_indices=True)
+            sign = 1.0 if (number == one[0]) == (number == other[0]) else -1.0
             shared = sign * (fits[i].noise + fits[j].noise) / 4
             common = np.sum(fits[i].gain[k] @ shared * fits[j].gain[m])
             size = [np.sqrt(np.sum(fit.gain @ fit.noise * fit.gain)) for fit in (fits[i], fits[j])]
@@ -153,7 +153,7 @@ def judge_run(sets: Sequence[CrossoverSet], fits: Sequence[TimingCorrection | No
     if len(known) < 3:
         raise ValueError(f"{len(known)} sets have an offset with a sigma; wanted three or more")
     pairs = [one.pair for one, _ in known]
-    correlation = offsets_correlation(*zip(*known, strict=True))
+    correlation = offsets_correlation(pairs, [fit for _, fit in known])
     offset, sigma, count = np.array([(fit.offset_s, fit.sigma_offset_s, fit.t0) for _, fit in known]).T
     return RunVerdict(
         whole=offsets_agree(offset, sigma, count, correlation=correlation),
