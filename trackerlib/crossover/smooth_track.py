@@ -44,9 +44,8 @@ def choose_degree(track: np.ndarray, point_count: np.ndarray, significance: floa
 
     Wilks's test on the three axes together, whose noise may differ and correlate, at each degree against the next
     two, so that a bend whose next power happens to vanish is not missed. The noise may hang together in time: the
-    chance is the mean of those with each of DECAYS, by how likely the residual of the most flexible course makes it,
-    strong ones less beforehand.
-    Fewer than LEAST_BENT points are never more than a line.
+    chance is the mean of those with each of DECAYS, by how likely the residual of the most flexible course makes it
+    (strong ones less beforehand). Fewer than LEAST_BENT points are never more than a line.
     """
     points = len(track)
     if points < LEAST_BENT:
