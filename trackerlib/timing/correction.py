@@ -163,7 +163,7 @@ def estimate_timing(
     for _ in range(JOINT_ROUNDS):
         before = bare.offset_s
         found = _with_sigma(bare, crossover, first, second, c, keep, quiet, noise, weight)
-        if found.noise is None:
+        if found.sigma_offset_s is None:
             return replace(found, method=method)
         weight = np.linalg.inv(found.noise)
         weight = weight / np.trace(weight)
