@@ -15,10 +15,18 @@ def decimals_for(sigma: float) -> int:
     return 1 - magnitude
 
 
+def rounded(value: float) -> str:
+    """A size of 0 or more to two digits, never as a power of ten: 1133 is `1100`, 0.0457 is `0.046`."""
+    if value == 0:
+        return "0"
+    decimals = decimals_for(value)
+    return f"{round(value, decimals):.{max(decimals, 0)}f}"
+
+
 def value_with_sigma(value: float, sigma: float | None, unit: str) -> str:
     """A value and its standard error rounded together: `value_with_sigma(4481.27, 6.83, "m")` is `4481.3 ± 6.8 m`.
 
-    Without a standard error the value stands alone, to three digits after the point at most.
+    Without a standard error the value stands alone, to six digits.
     """
     if value is None or not math.isfinite(value):
         return "unknown"

@@ -16,6 +16,7 @@ from trackerlib.beacon.intervals import (
     profile_intervals,
 )
 from trackerlib.beacon.result import BeaconFix
+from trackerlib.rounding import rounded
 from trackerlib.textfiles import InputError
 
 WAYS = {"profile likelihood": profile_intervals, "resampled residuals": bootstrap_intervals}
@@ -75,7 +76,7 @@ def words(fix: BeaconFix, way: str, intervals: dict[str, Interval], warning: str
     """Each interval beside what the ellipse says, as HTML."""
     rows = "".join(
         f"<tr><td {CELL}>{name}</td><td style='padding-right:10px'>{interval}</td>"
-        f"<td>± {1.96 * sigma:.2g} m</td></tr>"
+        f"<td>± {rounded(1.96 * sigma)} m</td></tr>"
         for (name, interval), sigma in zip(intervals.items(), fix.sigma, strict=True)
     )
     when = "" if fix.velocity is None else ", at the first ping"

@@ -15,7 +15,7 @@ from trackerlib.beacon.result import BeaconFix
 from trackerlib.commands.fix_document import document, motion_document, steadiest_words
 from trackerlib.frames import degrees_minutes, utm
 from trackerlib.positions import degrees_minutes_seconds
-from trackerlib.rounding import value_with_sigma
+from trackerlib.rounding import rounded, value_with_sigma
 
 CELL = " style='padding:1px 10px 1px 0;vertical-align:top'"
 
@@ -33,8 +33,9 @@ def _answer(fix: BeaconFix) -> str:
             f"<b>The beacon {'lies' if fix.velocity is None else 'is now'} at "
             f"{html.escape(degrees_minutes(now.lat_deg, 'NS'))}, "
             f"{html.escape(degrees_minutes(now.lon_deg, 'EW'))}</b>, depth "
-            f"{value_with_sigma(now.depth_m, now.sigma[2], 'm')}. With 95 % probability it is within an ellipse of "
-            f"{shape.semi_major_m:.2g} by {shape.semi_minor_m:.2g} m whose long axis bears {shape.bearing_deg:.0f}°."
+            f"{value_with_sigma(now.depth_m, now.sigma[2], 'm')}. With 95 % probability it is within an ellipse "
+            f"of {rounded(shape.semi_major_m)} by {rounded(shape.semi_minor_m)} m whose long axis bears "
+            f"{shape.bearing_deg:.0f}°."
         )
         return words if fix.velocity is None else words + " " + movement(fix)
     words = f"<b>No fix yet:</b> {html.escape(fix.reason or '')}."
@@ -68,7 +69,7 @@ def _surfacing(fix: BeaconFix) -> str:
     return (
         f" It comes to the surface in {value_with_sigma(wait_s / 60, up['sigma_epoch_s'] / 60, 'min')} at "
         f"{html.escape(degrees_minutes(up['lat_deg'], 'NS'))}, {html.escape(degrees_minutes(up['lon_deg'], 'EW'))} "
-        f"(± {up['sigma_east_m']:.2g} m east, ± {up['sigma_north_m']:.2g} m north)."
+        f"(± {rounded(up['sigma_east_m'])} m east, ± {rounded(up['sigma_north_m'])} m north)."
     )
 
 
@@ -92,10 +93,14 @@ def table(fix: BeaconFix, budget: ErrorBudget | None = None) -> str:
             ("residuals that count as one", f"{fix.uncertainty.correlation.length:.1f}"),
         ]
     if budget is not None:
-        parts = [f"{values[2]:.2g} m {name.replace('_', ' ')}" for name, values in asdict(budget).items()]
+        parts = [
+            f"{rounded(values[2])} m {name.replace('_', ' ')}" for name, values in asdict(budget).items()
+        ]
         rows.append(("depth's sigma is made of", ", ".join(parts)))
     if fix.sound_speed_mps is not None:
-        rows.append(("mean sound speed", f"{fix.sound_speed_mps:.1f} m/s"))
+        rows.append(
+            ("mean sound speed", value_with_sigma(fix.sound_speed_mps, fix.sigma_sound_speed_mps, "m/s"))
+        )
     rows.append(("pings used", f"{int(fix.used.sum())} of {len(fix.used)}"))
     left_out = ", ".join(map(str, fix.rejected[:20])) + (" …" if len(fix.rejected) > 20 else "")
     rows.append(("left out", left_out or "none"))
@@ -138,7 +143,7 @@ def estimators_table(fixes: dict[str, BeaconFix]) -> str:
             value_with_sigma(now.depth_m, sigma[2], "m"),
             ""
             if now.ellipse is None
-            else f"{now.ellipse.semi_major_m:.2g} × {now.ellipse.semi_minor_m:.2g} m",
+            else f"{rounded(now.ellipse.semi_major_m)} × {rounded(now.ellipse.semi_minor_m)} m",
             "" if fix.converged else f"not believed: {fix.reason}",
         ]
         rows.append("".join(f"<td{CELL}>{html.escape(value)}</td>" for value in values))

@@ -17,7 +17,7 @@ from trackerlib.live.receiver_session import SessionStatus
 from trackerlib.receiver.chart import ChartSettings
 from trackerlib.receiver.hyperbola import Pass
 from trackerlib.receiver.rolls import PingRoll, Roll
-from trackerlib.rounding import value_with_sigma
+from trackerlib.rounding import rounded, value_with_sigma
 
 BADGE = ' <b style="background:#B35900;color:white;border-radius:4px;padding:1px 6px">SIMULATED</b>'
 LOG_HOLDS_TIMES = (
@@ -163,7 +163,7 @@ def pass_words(found: Pass | None, marks: int, when: str) -> str:
         f"{html.escape(distance_text(line))}</b> of slant distance. The beacon bears "
         f"{line.bearing_deg:.0f}° or {(line.bearing_deg + 180) % 360:.0f}° from "
         f"{html.escape(degrees_minutes(line.lat_deg, 'NS'))}, {html.escape(degrees_minutes(line.lon_deg, 'EW'))}; the "
-        f"line is sure to {line.sigma_along_m:.2g} m along the track."
+        f"line is sure to {rounded(line.sigma_along_m)} m along the track."
     )
     if found.reason:
         words += f" {html.escape(found.reason[0].upper() + found.reason[1:])}."
@@ -183,6 +183,6 @@ def bearing_words(fix: BearingFix | None, count: int) -> str:
         depth = f", {value_with_sigma(fix.depth_m, fix.sigma_depth_m, 'm')} below the hydrophone"
     return (
         f"<b>{lines} meet at {html.escape(degrees_minutes(fix.lat_deg, 'NS'))}, "
-        f"{html.escape(degrees_minutes(fix.lon_deg, 'EW'))}</b>{depth}; 95 % ellipse {shape.semi_major_m:.2g} by "
-        f"{shape.semi_minor_m:.2g} m, long axis {shape.bearing_deg:.0f}°."
+        f"{html.escape(degrees_minutes(fix.lon_deg, 'EW'))}</b>{depth}; 95 % ellipse {rounded(shape.semi_major_m)} by "
+        f"{rounded(shape.semi_minor_m)} m, long axis {shape.bearing_deg:.0f}°."
     )

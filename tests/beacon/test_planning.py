@@ -19,7 +19,6 @@ from trackerlib.beacon.planning import (
     accuracy_map,
     candidate_legs,
     plan_next_leg,
-    rounded,
     surveys_so_far,
     time_to_reach,
     worse_after,
@@ -28,6 +27,7 @@ from trackerlib.beacon.settings import FixSettings
 from trackerlib.beacon.squared_range import fix_squared_range
 from trackerlib.commands import main
 from trackerlib.frames import LocalFrame
+from trackerlib.rounding import rounded
 from trackerlib.simulation.beacon_survey import Errors, sail, simulate_survey
 from trackerlib.simulation.hexagon import SCENARIOS, sail_hexagon
 

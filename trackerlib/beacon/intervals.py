@@ -19,7 +19,7 @@ from trackerlib.beacon.motion import Motion
 from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
-from trackerlib.rounding import decimals_for
+from trackerlib.rounding import decimals_for, rounded
 
 PLACE = COORDINATES[:3]  # east, north, depth
 STEP = 0.25  # of the interval's quadratic half-width, by which a profile is followed
@@ -191,11 +191,11 @@ def interval_words(fix: BeaconFix, intervals: dict[str, Interval]) -> str | None
     interval, sides = intervals[worst], []
     for bound, word in ((interval.low_m, "below"), (interval.high_m, "above")):
         far = abs(bound - _value(fix, worst))
-        sides.append(f"{far:.3g} m {word}" if np.isfinite(far) else f"open {word}")
+        sides.append(f"{rounded(far)} m {word}" if np.isfinite(far) else f"open {word}")
     half = 1.96 * fix.sigma[PLACE.index(worst)]
     return (
         f"the misfit is not a parabola: the 95 % interval of {worst} is {' and '.join(sides)}, where the ellipse says "
-        f"{half:.3g} m either side; believe the interval"
+        f"{rounded(half)} m either side; believe the interval"
     )
 
 

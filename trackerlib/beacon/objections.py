@@ -14,6 +14,7 @@ from trackerlib.beacon.motion import FREE_DIRECTIONS
 from trackerlib.beacon.paths import depth_below_surface
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M
+from trackerlib.rounding import rounded
 
 FEWEST_CHANGES = 8  # pairs of pings from which impossible times are told
 DRIFTING_LENGTH = 3.0  # residuals that count as one, from which a still beacon's motion is looked for
@@ -151,7 +152,7 @@ def _shifted(attempt: Attempt, best: Candidate, fix: BeaconFix, bias: np.ndarray
         return None
     noise_s = max(2.0, errors) * fix.uncertainty.noise_s
     leg = leg_that_helps(attempt.problem.only(best.keep), best.position[None], noise_s)
-    shift = f"the best fit by some {np.linalg.norm(bias[:3]):.2g} m, {errors:.1f} of its standard errors"
+    shift = f"the best fit by some {rounded(float(np.linalg.norm(bias[:3])))} m, {errors:.1f} of its standard errors"
     if attempt.settings.gps_rms_m is None:
         return f"if the residuals are errors of the ship's position, they shift {shift}; tell that error, or {leg}"
     return f"noisy ship positions shift {shift}, and equations free of that have no sure answer here; {leg}"

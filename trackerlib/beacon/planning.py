@@ -22,7 +22,7 @@ from trackerlib.beacon.result import BeaconFix, time_sigma
 from trackerlib.beacon.settings import ASSUMED_SHIP_RMS_M, ASSUMED_SHIP_TIME_S, FixSettings
 from trackerlib.beacon.uncertainty import AntennaErrors, Ellipse, SlowErrors, ellipse95, wider
 from trackerlib.frames import bearing_deg
-from trackerlib.rounding import decimals_for
+from trackerlib.rounding import rounded
 
 FASTEST_MPS = 5.0  # above this the flow past the hydrophone is louder than the beacon
 BEARINGS = 16
@@ -32,12 +32,6 @@ AHEAD = 4.0  # times a leg that it is looked whether a moving beacon's place get
 AHEAD_STEPS = 24
 USUAL_INTERVAL_S = 2.0  # where the survey does not tell one
 MATERIAL = 0.9  # share of a sigma below which what is left of it is worth telling
-
-
-def rounded(value: float) -> str:
-    """A number with two digits, never as a power of ten."""
-    decimals = decimals_for(value)
-    return f"{round(value, decimals):.{max(decimals, 0)}f}"
 
 
 @dataclass(frozen=True, eq=False)

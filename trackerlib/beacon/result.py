@@ -15,7 +15,7 @@ from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.beacon.uncertainty import Ellipse, Uncertainty, ellipse95
 from trackerlib.frames import LocalFrame
-from trackerlib.rounding import value_with_sigma
+from trackerlib.rounding import rounded, value_with_sigma
 
 AS_LIKELY = 9.0  # chi-square by which another solution may fit worse and still count (3 sigma)
 
@@ -79,18 +79,16 @@ class BeaconFix:
     lon_deg: float | None = None
     depth_m: float | None = None  # below the sea surface
     velocity: np.ndarray | None = None  # (3,) east, north, up [m/s]; None for a beacon that lies still
-    elapsed_s: np.ndarray | None = (
-        None  # (N,) since the first ping (its emission, where receptions are logged)
-    )
+    # (N,) since the first ping (its emission, where receptions are logged)
+    elapsed_s: np.ndarray | None = None
     residual_s: np.ndarray | None = None  # (N,) time minus fit, also of pings left out
     uncertainty: Uncertainty | None = None
     emission_offset_s: float | None = None  # the constant in every time that is not travel
     emission: Emission | None = None  # the same, and what was estimated of the pinger's interval
     time_s: np.ndarray | None = None  # (N,) times as the fix took them, whole intervals put right
     sound_speed_mps: float | None = None  # mean speed on the way down
-    sigma_sound_speed_mps: float | None = (
-        None  # as told, or what is left of it where the speed was fitted too
-    )
+    # as told, or what is left of it where the speed was fitted too
+    sigma_sound_speed_mps: float | None = None
     unobservable: tuple[Unobservable, ...] = ()
     alternatives: tuple[Solution, ...] = ()
     along_track_m: float | None = None  # from the first ping, along a straight track
@@ -153,17 +151,18 @@ class BeaconFix:
         return self.number[left_out]
 
     def __str__(self) -> str:
+        label = "SIMULATED: " if self.simulated else ""
         if self.position is None:
-            return f"no fix: {self.reason}"
-        head = "" if self.converged else f"not converged: {self.reason}\n"
+            return f"{label}no fix: {self.reason}"
+        head = label if self.converged else f"{label}not converged: {self.reason}\n"
         if self.uncertainty is None:
             return f"{head}best guess {self.lat_deg:.6f}, {self.lon_deg:.6f}, depth {self.depth_m:.0f} m"
         east, north, depth = self.sigma
         shape = self.ellipse
         return (
             f"{head}{self.lat_deg:.6f}, {self.lon_deg:.6f} "
-            f"(± {east:.2g} m east, ± {north:.2g} m north; 95 % ellipse {shape.semi_major_m:.2g} by "
-            f"{shape.semi_minor_m:.2g} m, long axis {shape.bearing_deg:.0f}°)\n"
+            f"(± {rounded(east)} m east, ± {rounded(north)} m north; 95 % ellipse {rounded(shape.semi_major_m)} by "
+            f"{rounded(shape.semi_minor_m)} m, long axis {shape.bearing_deg:.0f}°)\n"
             f"depth {value_with_sigma(self.depth_m, depth, 'm')}, {int(self.used.sum())} of {len(self.used)} pings, "
             f"rms {1e3 * self.uncertainty.rms_s:.2g} ms"
         )

@@ -60,15 +60,12 @@ class FixSettings:
     max_speed_mps: float = 5.0  # search region: of a beacon that moves
     motion: str = "still"  # one of MOTIONS
     interval_s: float | None = None  # of the pinger: times are known only up to whole intervals of it
-    estimate_interval: bool = (
-        False  # the interval told is nearly right; its error is estimated with the place
-    )
+    estimate_interval: bool = False  # with the place; the one told is nearly right
     estimate_interval_drift: bool = False  # and its steady change
     method: str = "all-pings"  # one of METHODS
     experiments: int | None = None  # pairs: how many; None: as many as there are
-    spacing: int | None = (
-        None  # pairs: receptions from the first of a pair to the second; None: the thesis's least
-    )
+    # pairs: receptions from the first of a pair to the second; None: the thesis's least
+    spacing: int | None = None
     step: int | None = None  # pairs: receptions from one pair to the next; None: spacing, pairs are chained
     hydrophone_depth_m: float = 0.0  # where the file does not say
     reject: str = "auto"  # "auto" leaves out false returns, "none" keeps every ping

@@ -15,7 +15,7 @@ from trackerlib.beacon.pings import Pings
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.settings import FixSettings
 from trackerlib.positions import decimal_degrees, degrees_minutes
-from trackerlib.rounding import decimals_for, value_with_sigma
+from trackerlib.rounding import rounded, value_with_sigma
 
 SIMULATED = "SIMULATED: made by a program, not measured at sea"
 LARGEST_ELLIPSE_M = 50_000.0  # a larger one is stated in numbers and not drawn
@@ -208,12 +208,6 @@ def utc_text(utc: np.datetime64) -> str:
     return str(np.datetime_as_string(utc, unit="ms")).removesuffix(".000") + "Z"
 
 
-def two_digits(value: float) -> str:
-    """A standard error with two digits, never as a power of ten."""
-    decimals = decimals_for(value)
-    return f"{round(value, decimals):.{max(decimals, 0)}f}"
-
-
 def _summary(record: FixRecord) -> list[str]:
     fix = record.fix
     lines = [SIMULATED] if fix.simulated else []
@@ -232,10 +226,10 @@ def _summary(record: FixRecord) -> list[str]:
             east, north, up = fix.velocity
             lines.append(f"Velocity: {east:.4f} m/s east, {north:.4f} m/s north, {up:.4f} m/s up")
     if fix.position is not None and now.sigma is not None:
-        east, north, depth = map(two_digits, now.sigma)
+        east, north, depth = map(rounded, now.sigma)
         lines.append(f"Standard error (1 sigma): {east} m east, {north} m north, {depth} m depth")
         lines.append(ellipse_text(fix))
-        lines.append(f"Residuals of the pings used, rms: {two_digits(1e3 * fix.uncertainty.rms_s)} ms")
+        lines.append(f"Residuals of the pings used, rms: {rounded(1e3 * fix.uncertainty.rms_s)} ms")
     if fix.along_track_m is not None:
         lines.append(f"Along the straight track from the first ping: {fix.along_track_m:.0f} m")
         lines.append(f"Closest slant range: {fix.closest_slant_range_m:.0f} m")
@@ -252,8 +246,8 @@ def ellipse_text(fix: BeaconFix) -> str:
     """The ellipse on the map in words, its level and its reference direction named."""
     shape = fix.present.ellipse
     return (
-        f"95 % ellipse on the map: half axes {two_digits(shape.semi_major_m)} by "
-        f"{two_digits(shape.semi_minor_m)} m, long axis {shape.bearing_deg:.0f} degrees from true north"
+        f"95 % ellipse on the map: half axes {rounded(shape.semi_major_m)} by "
+        f"{rounded(shape.semi_minor_m)} m, long axis {shape.bearing_deg:.0f} degrees from true north"
     )
 
 
