@@ -49,9 +49,18 @@ def test_the_report_for_a_person(capsys, data):
     demo = data / "beacon-demo"
     assert main(["fix", str(demo / "survey.csv"), "--profile", str(demo / "soundspeed.csv")]) == 0
     out = capsys.readouterr().out
-    assert "position  41.25" in out
-    assert "sigma " in out
-    assert "left out: " in out
+    assert out.startswith("SIMULATED DATA\nposition  41.25")
+    assert "depth     2479 ± 25 m\nsigma     2.4 m east, 8.5 m north, 25 m depth\n" in out
+    assert "sound     1484.19 ± 0.50 m/s" in out
+    assert "991 of 1000 used, rms residual 0.7 ms; left out: 120, " in out
+
+
+def test_a_large_sigma_is_no_power_of_ten(capsys, data):
+    demo = data / "beacon-demo"
+    assert main(["fix", str(demo / "survey.csv"), "--max-depth-m", "1000"]) == 0
+    out = capsys.readouterr().out
+    assert "No fix: the best fit lies on the edge" in out
+    assert "e+" not in out
 
 
 def test_options_reach_the_fix(answer, data):

@@ -10,6 +10,7 @@ from trackerlib.beacon.convergence import Step
 from trackerlib.beacon.intervals import Interval
 from trackerlib.beacon.result import BeaconFix
 from trackerlib.beacon.uncertainty import ellipse95
+from trackerlib.rounding import rounded
 
 SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_depth_m")
 
@@ -152,8 +153,16 @@ def steadiest_words(then: dict) -> str:
     """Where a moving beacon was when position and velocity trade off least, of `motion_document`'s steadiest."""
     return (
         f"{then['epoch_s']:.0f} s after the first ping: {then['lat_deg']:.7f}, {then['lon_deg']:.7f}, depth "
-        f"{then['depth_m']:.1f} m; sigma {then['sigma_east_m']:.2g} m east, {then['sigma_north_m']:.2g} m north, "
-        f"{then['sigma_depth_m']:.2g} m depth"
+        f"{then['depth_m']:.1f} m; sigma {sigma_words(then)}"
+    )
+
+
+def sigma_words(place: dict) -> str:
+    """The standard errors of a place under the keys of a document, that of depth where it has one."""
+    return ", ".join(
+        f"{rounded(place[f'sigma_{axis}_m'])} m {axis}"
+        for axis in ("east", "north", "depth")
+        if f"sigma_{axis}_m" in place
     )
 
 

@@ -20,26 +20,27 @@ from trackerlib.beacon.planning import (
     time_to_reach,
 )
 from trackerlib.beacon.result import BeaconFix
-from trackerlib.commands import fix as fix_command
+from trackerlib.commands.survey_inputs import add_survey_arguments, read_survey_and_settings
 from trackerlib.exports.gpx import route_gpx
 from trackerlib.exports.record import FixRecord
 from trackerlib.exports.tables import accuracy_csv
+from trackerlib.rounding import rounded
 from trackerlib.textfiles import InputError, write_text
 
 SUMMARY = "plan the next leg of a beacon hunt"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `plan`: those of `fix`, and its own."""
-    fix_command.add_arguments(parser)
-    add = parser.add_argument
+    """The options of `plan`: what `fix` has of the survey, and its own."""
+    add_survey_arguments(parser)
+    add = parser.add_argument_group("the next leg").add_argument
     add("--budget-s", type=float, default=1800.0, metavar="T", help="time for the leg (default 1800)")
     add(
         "--ship-speed-mps",
         type=float,
         default=FASTEST_MPS,
         metavar="V",
-        help="at most (default 5: flow noise)",
+        help="at most (default 5: faster, and flow noise hides the pings)",
     )
     add("--wanted-m", type=float, metavar="E", help="also the time until the expected error is this")
     add("--route", type=Path, metavar="FILE.gpx", help="also write the leg as a GPX route")
@@ -53,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict:
     """The answer of `plan` as a document for JSON."""
-    pings, settings = fix_command.read(args)
+    pings, settings = read_survey_and_settings(args)
     fix = fix_beacon(pings, settings)
     try:
         plan = plan_next_leg(pings, fix, settings, args.budget_s, args.ship_speed_mps)
@@ -125,15 +126,15 @@ def write_route(plan: Plan, fix: BeaconFix, path: Path) -> None:
 
 def report(answer: dict) -> str:
     """The answer of `plan` for a person."""
-    lines = [] if answer["converged"] else [f"No fix: {answer['reason']}"]
+    lines = ["SIMULATED DATA"] if answer["simulated"] else []
+    lines += [] if answer["converged"] else [f"No fix: {answer['reason']}"]
     lines.append(answer["words"])
     over = answer["over_beacon"]
     if over is None:
         lines.append("The time does not reach a leg over the beacon.")
     elif not answer["best"]["over_beacon"]:
-        lines.append(
-            f"Straight over the beacon, {over['length_m']:.0f} m on {over['bearing_deg']:.0f}°: {over['rms_m']:.2g} m."
-        )
+        way = f"{over['length_m']:.0f} m on {over['bearing_deg']:.0f}°"
+        lines.append(f"Straight over the beacon, {way}: {rounded(over['rms_m'])} m.")
     if answer["seconds_to_wanted"] is not None:
         lines.append(f"The wanted accuracy needs {answer['seconds_to_wanted'] / 60:.0f} min.")
     elif answer["wanted_m"] is not None:
