@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
@@ -27,7 +28,10 @@ def test_the_report_is_in_words(capsys):
     assert main(CALL) == 0
     words = capsys.readouterr().out
     assert words.startswith("SIMULATED")
-    assert "Cramer-Rao" in words
+    assert "times the Cramer-Rao bound" in words
+    value = r"-?[\d.]+ ± [\d.]+ m/s"
+    assert re.search(rf"vz error {value}, .*; stated [\d.]+ m/s; bias {value}\n", words)
+    assert "± " in words.splitlines()[-1]
 
 
 def test_trials_of_which_none_converges_are_a_result(capsys):

@@ -166,12 +166,17 @@ def test_a_dask_cluster_gives_the_same_table(tmp_path, capsys):
             capsys, *SMALL, "--methods", "thesis", "--out", tmp_path / "far", "--scheduler",
             cluster.scheduler_address,
         )  # fmt: skip
+        point = ["--scenario", "2", "--experiments", "30", "--spacing", "45", "--gps-rms-m", "3"]
+        call = ["montecarlo", *point, "--trials", "20", "--seed", "1", "--method", "thesis", "--json"]
+        assert main([*call, "--scheduler", cluster.scheduler_address]) == 0
+        alone = json.loads(capsys.readouterr().out)
     study(capsys, *SMALL, "--methods", "thesis", "--out", tmp_path / "near")
     far, near = (
         pd.read_csv(tmp_path / where / "study.csv").sort_values("experiments", ignore_index=True)
         for where in ("far", "near")
     )
     pd.testing.assert_frame_equal(far.drop(columns="seconds"), near.drop(columns="seconds"))
+    assert alone["rmse"]["z"] == pytest.approx(near[near.experiments == 30].iloc[0]["rmse.z"], rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import time
+from contextlib import nullcontext
 
-import numba
-
-from trackerlib.rounding import value_with_sigma
-from trackerlib.simulation.hexagon import METHODS, SCENARIOS, run_point
-from trackerlib.simulation.study import COMPONENTS, summary
+from trackerlib.commands.workers import add_workers, dask_client, use_workers
+from trackerlib.rounding import rounded, value_with_sigma
+from trackerlib.simulation.hexagon import METHODS, SCENARIOS, Trials, run_point
+from trackerlib.simulation.study import COMPONENTS, coverage_words, summary
 from trackerlib.textfiles import InputError
 
 SUMMARY = "simulate many fixes of one of the thesis's six beacons and compare them with the bound"
@@ -23,12 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--experiments", type=int, required=True, metavar="N", help="pairs of receptions of the thesis")
     add("--spacing", type=int, required=True, metavar="K", help="receptions from one pair to the next")
     add("--gps-rms-m", type=float, required=True, metavar="G", help="ship position error, each axis")
-    add("--trials", type=int, required=True, metavar="M")
-    add("--seed", type=int, required=True, metavar="S")
+    add("--trials", type=int, required=True, metavar="M", help="simulated surveys")
+    add("--seed", type=int, required=True, metavar="S", help="the same seed gives the same trials")
     add("--method", choices=METHODS, default=METHODS[0], help="every reception, or chained pairs")
     add("--speed-mps", type=float, default=5.0, metavar="C", help="of the ship (default 5)")
     add("--start-vertex", type=int, default=4, metavar="V", help="it starts at 60 V degrees (default 4)")
-    add("--workers", type=int, metavar="W", help="threads (default: all cores)")
+    add_workers(parser)
 
 
 def run(args: argparse.Namespace) -> dict:
@@ -36,12 +36,13 @@ def run(args: argparse.Namespace) -> dict:
     use_workers(args.workers)
     point = (args.scenario, args.experiments, args.spacing, args.gps_rms_m)
     how = (args.seed, args.method, args.speed_mps, args.start_vertex)
-    try:
-        run_point(*point, min(args.trials, 1), *how)  # compiled kernels are loaded before the clock starts
-        begin = time.perf_counter()
-        trials = run_point(*point, args.trials, *how)
-    except ValueError as error:
-        raise InputError(str(error)) from None
+    with nullcontext() if args.scheduler is None else dask_client(args.scheduler) as cluster:
+        try:
+            _run(cluster, *point, min(args.trials, 1), *how)  # kernels are loaded before the clock starts
+            begin = time.perf_counter()
+            trials = _run(cluster, *point, args.trials, *how)
+        except ValueError as error:
+            raise InputError(error) from None
     seconds = time.perf_counter() - begin
     return {
         "scenario": args.scenario,
@@ -52,17 +53,9 @@ def run(args: argparse.Namespace) -> dict:
     }
 
 
-def use_workers(count: int | None) -> None:
-    """Lets kernels run on this many threads.
-
-    Raises InputError for a count that this machine does not have.
-    """
-    if count is None:
-        return
-    most = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
-    if not 1 <= count <= most:
-        raise InputError(f"--workers is {count}; wanted 1 to {most}")
-    numba.set_num_threads(count)
+def _run(cluster, *point) -> Trials:
+    """The trials of a point, here or on a cluster."""
+    return run_point(*point) if cluster is None else cluster.submit(run_point, *point, pure=False).result()
 
 
 def report(document: dict) -> str:
@@ -75,13 +68,14 @@ def report(document: dict) -> str:
     if document["refused_why"]:
         lines.append("  a faster ship, a longer survey or better positions would help")
     if document["converged"]:
+        fixes = document["converged"]
         for name, rmse in document["rmse"].items():
-            bound = document["crlb"][name]
+            unit = UNITS[name]
+            error = value_with_sigma(rmse, rmse / (2 * fixes) ** 0.5, unit)
+            bias = value_with_sigma(document["bias"][name], rmse / fixes**0.5, unit)
             lines.append(
-                f"  {name:2} error {rmse:.3g} {UNITS[name]}, {rmse / bound:.2f} of the Cramer-Rao bound; "
-                f"stated {document['mean_sigma'][name]:.3g}; bias {document['bias'][name]:+.2g}"
+                f"  {name:2} error {error}, {rmse / document['crlb'][name]:.2f} times the Cramer-Rao bound; "
+                f"stated {rounded(document['mean_sigma'][name])} {unit}; bias {bias}"
             )
-        spread = (document["coverage95"] * (1 - document["coverage95"]) / document["converged"]) ** 0.5
-        share = value_with_sigma(100 * document["coverage95"], max(100 * spread, 0.1), "%")
-        lines.append(f"  the truth lies inside {share} of the stated 95 % ellipsoids")
+        lines.append(f"  {coverage_words(document['coverage95'], fixes)}")
     return "\n".join(lines)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numba
 import pandas as pd
 
-from trackerlib.commands.montecarlo import use_workers
+from trackerlib.commands.workers import add_workers, dask_client, use_workers
 from trackerlib.simulation.figures import draw_page
 from trackerlib.simulation.hexagon import METHODS, SCENARIOS, Scenario
 from trackerlib.simulation.report import write_report
@@ -51,18 +51,28 @@ COLUMNS = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `study`."""
     add = parser.add_argument
-    add("--scenarios", type=_list(int), default=tuple(SCENARIOS), metavar="1,..,6")
-    add("--sweeps", type=_list(str), default=SWEEPS, metavar=",".join(SWEEPS))
-    add("--gps-rms-m", type=_list(float), default=GPS_RMS_M, metavar="3,25")
-    add("--methods", type=_list(str), default=METHODS, metavar=",".join(STUDY_METHODS))
+    add("--scenarios", type=_list(int), default=tuple(SCENARIOS), metavar="1,..,6", help="default: all six")
+    add("--sweeps", type=_list(str), default=SWEEPS, metavar=",".join(SWEEPS), help="default: both")
+    add(
+        "--gps-rms-m",
+        type=_list(float),
+        default=GPS_RMS_M,
+        metavar="3,25",
+        help="ship position error, each axis (default: both)",
+    )
+    add(
+        "--methods",
+        type=_list(str),
+        default=METHODS,
+        metavar=",".join(STUDY_METHODS),
+        help=f"every reception, chained pairs, usual least squares (default {','.join(METHODS)})",
+    )
     add("--trials", type=int, required=True, metavar="M", help="at each point")
-    add("--seed", type=int, required=True, metavar="S")
+    add("--seed", type=int, required=True, metavar="S", help="the same seed gives the same trials")
     add("--speed-mps", type=_list(float), default=(5.0,), metavar="5,1", help="of the ship (default 5)")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, metavar="W", help="threads (default: all cores)")
-    where.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it")
+    add_workers(parser)
     add("--resume", action="store_true", help="keep the points that DIR/study.csv already holds")
-    add("--out", type=Path, required=True, metavar="DIR")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder of table, figures and report")
 
 
 def run(args: argparse.Namespace) -> dict:
@@ -111,7 +121,7 @@ def _wanted(args: argparse.Namespace) -> list[tuple[StudyPoint, float]]:
     try:
         points = study_points(args.scenarios, args.sweeps, args.gps_rms_m, args.methods)
     except ValueError as error:
-        raise InputError(f"study: {error}") from None
+        raise InputError(error) from None
     if args.trials < 1:
         raise InputError(f"--trials is {args.trials}; wanted at least 1")
     speeds = args.speed_mps
@@ -204,13 +214,9 @@ def _rows(left: list[tuple[StudyPoint, float]], args: argparse.Namespace) -> Ite
             points = [point for point, of in left if of == speed]
             yield from rows_by_threads(points, args.trials, args.seed, speed)
         return
-    from distributed import Client, as_completed  # a second to import, for those who have a cluster
+    with dask_client(args.scheduler) as client:
+        from distributed import as_completed
 
-    try:
-        client = Client(args.scheduler, timeout="5s")
-    except (OSError, ValueError) as error:
-        raise InputError(f"--scheduler {args.scheduler}: no Dask scheduler answers there ({error})") from None
-    with client:
         futures = [
             client.submit(one_row, point, args.trials, args.seed, speed, pure=False) for point, speed in left
         ]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackerlib.rounding import value_with_sigma
 from trackerlib.simulation.hexagon import (
     METHODS,
     SCENARIOS,
@@ -115,6 +116,12 @@ def summary(trials: Trials) -> dict:
         "mean_sigma_now": named(trials.mean_sigma_now),
         "crlb_now": named(trials.bound_now),
     }
+
+
+def coverage_words(share: float, converged: int) -> str:
+    """How often the truth lay inside its ellipsoid, with the standard error that so many trials leave."""
+    sigma = max((share * (1 - share) / converged) ** 0.5, 1e-3)
+    return f"the truth lies inside {value_with_sigma(100 * share, 100 * sigma, '%')} of the stated 95 % ellipsoids"
 
 
 def flat(document: dict, prefix: str = "") -> dict:
