@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from bokeh.models import ColumnDataSource, HoverTool, Span
+from bokeh.models import ColumnDataSource, FixedTicker, HoverTool, PrintfTickFormatter, Span
 from bokeh.plotting import figure
 
 from dashboards.palette import COMPONENTS, ESTIMATE, SHIP
@@ -12,6 +12,7 @@ from dashboards.pictures.legend import style_legend
 METHOD_INK = {"all-pings": ESTIMATE, "thesis": COMPONENTS[1], "usual": COMPONENTS[2]}
 METHOD_NAMES = {"all-pings": "every ping", "thesis": "thesis's experiments", "usual": "usual least squares"}
 COLUMNS = ("abscissa", "rmse", "stated", "bound", "ratio", "coverage", "low", "high", "converged")
+DECADES = [step * 10.0**power for power in range(-5, 6) for step in (1, 2, 5)]  # of a logarithmic axis
 LABELS = {"experiments": "number of experiments", "spacing": "spacing (receptions)"}
 
 
@@ -64,7 +65,7 @@ class StudyViews:
 
     @staticmethod
     def _figure(name, label, scale):
-        return figure(
+        fig = figure(
             name=name,
             sizing_mode="stretch_both",
             tools="pan,wheel_zoom,box_zoom,reset,save",
@@ -72,15 +73,25 @@ class StudyViews:
             y_axis_type=scale,
             y_axis_label=label,
         )
+        if scale == "log":  # Bokeh's own ticks leave most of two decades without a number
+            fig.yaxis.ticker = fig.ygrid.ticker = FixedTicker(ticks=DECADES)
+            fig.yaxis.formatter = PrintfTickFormatter(format="%g")
+        return fig
 
     def show(self, rows: list[dict], sweep: str, component: str) -> None:
         """Draws rows of a study (see `trackerlib.commands.study.one_row`) for a component such as "z" or "vx"."""
-        unit = "m/s" if component.startswith("v") else "m"
-        self.error.yaxis.axis_label = f"SIMULATED: root-mean-square error of {component} ({unit})"
+        self.error.yaxis.axis_label = (
+            f"SIMULATED: root-mean-square error of {component} ({unit_of(component)})"
+        )
         for fig in (self.error, self.ratio, self.coverage):
             fig.xaxis.axis_label = LABELS[sweep]
         for method, source in self.curves.items():
             source.data = curve([row for row in rows if row["method"] == method], sweep, component)
+
+
+def unit_of(component: str) -> str:
+    """Unit of a component such as "z" or "vx"."""
+    return "m/s" if component.startswith("v") else "m"
 
 
 def curve(rows: list[dict], sweep: str, component: str) -> dict:

@@ -14,11 +14,17 @@ import panel as pn
 import panel_material_ui as pmui
 
 from dashboards.jobs import Cancelled
-from dashboards.pictures.study_views import METHOD_NAMES, StudyViews
+from dashboards.pictures.study_views import METHOD_NAMES, StudyViews, unit_of
 from dashboards.tabs.tab import Results, Tab, alone, choice, number
 from trackerlib.commands.study import COLUMNS, one_row
 from trackerlib.simulation.hexagon import SCENARIOS, Scenario
-from trackerlib.simulation.study import STUDY_METHODS, SWEEPS, StudyPoint, study_points
+from trackerlib.simulation.study import (
+    STUDY_METHODS,
+    SWEEPS,
+    StudyPoint,
+    coverage_words,
+    study_points,
+)
 from trackerlib.textfiles import InputError
 
 SWEEP_NAMES = dict(zip(("number of experiments", "spacing of receptions"), SWEEPS, strict=True))
@@ -37,6 +43,10 @@ class Asked:
     scenario: int  # OWN, or a row of Table 4-1
     beacon: Scenario
     gps_rms_m: float
+    points: tuple[StudyPoint, ...] = ()
+    trials: int = FIRST_TRIALS
+    seed: int = 1
+    speed_mps: float = 5.0
 
 
 def scenario_name(number: int) -> str:
@@ -88,6 +98,11 @@ class MonteCarloTab(Tab):
         self.component.param.watch(lambda event: self._draw(), "value")
         self.start = pmui.Button(label="Run", icon="play_arrow", size="small", margin=(6, 8))
         self.start.on_click(lambda event: self.run())
+        self.resume = pmui.Button(
+            label="Resume", icon="redo", size="small", variant="outlined", margin=(6, 8), visible=False,
+            description="Goes on with the study that was cancelled, as it was asked for",
+        )  # fmt: skip
+        self.resume.on_click(lambda event: self.go_on())
         for widget in (self.scenario, self.sweep, self.velocity):
             widget.param.watch(lambda event: self._grid_of_thesis(), "value")
         self._grid_of_thesis()
@@ -104,7 +119,7 @@ class MonteCarloTab(Tab):
             self.gps,
             self.trials,
             self.component,
-            self.start,
+            pn.Row(self.start, self.resume, margin=0),
         ]
 
     def more(self):
@@ -184,23 +199,34 @@ class MonteCarloTab(Tab):
         ]
 
     def run(self) -> None:
-        """Runs the study off the event loop and draws it; Cancel in the status line stops it."""
+        """Runs the study that the controls ask for; Cancel in the status line stops it."""
         try:
             points, beacon = self.points(), self.beacon()
         except InputError as error:
             self.session.report(error)
             return
-        how = (self.trials.value, self.seed.value, self.speed.value, beacon)
-        asked = Asked(self.sweep.value, self.scenario.value, beacon, self.gps.value)
+        asked = Asked(
+            self.sweep.value, self.scenario.value, beacon, self.gps.value, tuple(points),
+            self.trials.value, self.seed.value, self.speed.value,
+        )  # fmt: skip
+        self._study(asked, [])
+
+    def go_on(self) -> None:
+        """Runs the points that a cancelled study left, as they were asked for."""
+        self._study(self.ran, self.rows)
+
+    def _study(self, asked: Asked, done: list[dict]) -> None:
+        """Runs the points not done yet off the event loop, and draws all."""
+        points, how = asked.points, (asked.trials, asked.seed, asked.speed_mps, asked.beacon)
 
         def work(progress):
-            rows: list[dict] = []
+            rows = list(done)
             shown = time.monotonic()
-            progress.meanwhile(lambda: self._begin(len(points)))
+            progress.meanwhile(lambda: self._begin(len(points) - len(rows)))
             try:
-                for k, point in enumerate(points):
+                for k in range(len(rows), len(points)):
                     progress(k / len(points), f"point {k + 1} of {len(points)}")
-                    rows.append(one_row(point, *how))
+                    rows.append(one_row(points[k], *how))
                     if time.monotonic() - shown > BETWEEN_DRAWINGS_S:
                         shown = time.monotonic()
                         so_far = f"Simulating: {len(rows)} of {len(points)} points so far."
@@ -214,6 +240,7 @@ class MonteCarloTab(Tab):
         )
 
     def _begin(self, points: int) -> None:
+        self.resume.visible = False
         self.words.object = f"Simulating {points} points…"
 
     def _show(self, rows: list[dict], asked: Asked, state: str = "") -> None:
@@ -224,6 +251,7 @@ class MonteCarloTab(Tab):
             self._draw()
             return
         self.rows, self.ran = rows, asked
+        self.resume.visible = len(rows) < len(asked.points)
         names = {"depth": "z", "east": "x", "north": "y"}
         if asked.beacon.moving:
             names |= {"velocity up": "vz", "velocity east": "vx", "velocity north": "vy"}
@@ -287,23 +315,24 @@ def sentence(rows: list[dict], ran: Asked, component: str) -> str:
         typical[method] = float(np.median(ratio))
         words.append(
             f"<b>{name}</b>: {typical[method]:.2f} times the bound in {component} (median of {len(mine)} points), "
-            f"the truth inside {100 * coverage:.1f} % of the stated 95 % ellipsoids, {100 * share:.1f} % converged."
+            f"{coverage_words(coverage, trials)}, {100 * share:.1f} % converged."
         )
     for method, worse in (("thesis", "the thesis's chained pairs"), ("usual", "the usual least squares")):
         if {method, "all-pings"} <= set(typical):
             gain = typical[method] / typical["all-pings"]
             words.append(f"Using every ping is <b>{gain:.1f} times</b> as accurate as {worse}.")
-    return " ".join(words)
+    return "".join(f"<p style='margin:0 0 6px'>{one}</p>" for one in words)
 
 
 def table(rows: list[dict], sweep: str, component: str) -> pd.DataFrame:
     """One row a point: error, efficiency and coverage."""
+    unit = unit_of(component)
     return pd.DataFrame(
         {
             "way": [SHORT[row["method"]] for row in rows],
             "n" if sweep == "experiments" else "K": [row[sweep] for row in rows],
-            "error": [f"{row[f'rmse.{component}']:.3g}" for row in rows],
-            "/bound": [f"{row[f'rmse.{component}'] / row[f'crlb.{component}']:.2f}" for row in rows],
+            f"error ({unit})": [f"{row[f'rmse.{component}']:.3g}" for row in rows],
+            "per bound": [f"{row[f'rmse.{component}'] / row[f'crlb.{component}']:.2f}" for row in rows],
             "in 95 %": [f"{100 * row['coverage95']:.0f} %" for row in rows],
         }
     )

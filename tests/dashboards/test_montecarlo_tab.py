@@ -98,6 +98,28 @@ def test_cancel_keeps_the_rows_that_are_done_and_says_so(tab, monkeypatch):
     assert "Cancelled: 4 of 9 points were done and are kept." in tab.words.object
     assert "Simulating" not in tab.words.object
     assert len(tab.export()[1].splitlines()) == 2 + 4
+    assert tab.resume.visible
+
+
+def test_a_cancelled_study_goes_on_where_it_stopped_whatever_was_turned_since(tab, monkeypatch):
+    tab.activate()
+    whole = [{**row, "seconds": 0} for row in tab.rows]
+    assert not tab.resume.visible
+    done = []
+
+    def cancelled_in_the_fourth(*point):
+        done.append(point)
+        if len(done) == 4:
+            tab.session.jobs.cancel()
+        return one_row(*point)
+
+    monkeypatch.setattr("dashboards.tabs.montecarlo.one_row", cancelled_in_the_fourth)
+    tab.run()
+    tab.trials.value = tab.seed.value = 7
+    tab.resume.param.trigger("clicks")
+    assert len(done) == len(whole)
+    assert [{**row, "seconds": 0} for row in tab.rows] == whole
+    assert not tab.resume.visible
 
 
 def test_the_status_line_tells_which_point_is_at_work_and_is_idle_after(tab, monkeypatch):
