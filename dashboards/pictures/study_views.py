@@ -12,7 +12,8 @@ from dashboards.pictures.legend import style_legend
 METHOD_INK = {"all-pings": ESTIMATE, "thesis": COMPONENTS[1], "usual": COMPONENTS[2]}
 METHOD_NAMES = {"all-pings": "every ping", "thesis": "thesis's experiments", "usual": "usual least squares"}
 COLUMNS = ("abscissa", "rmse", "stated", "bound", "ratio", "coverage", "low", "high", "converged")
-DECADES = [step * 10.0**power for power in range(-5, 6) for step in (1, 2, 5)]  # of a logarithmic axis
+# Of the axis of errors: Bokeh's own logarithmic ticks leave most of two decades without a number.
+TICKS = [step * 10.0**power for power in range(-5, 6) for step in (1, 1.5, 2, 3, 5, 7)]
 LABELS = {"experiments": "number of experiments", "spacing": "spacing (receptions)"}
 
 
@@ -57,6 +58,8 @@ class StudyViews:
             self.ratio.scatter("abscissa", "ratio", source=source, size=4, color=ink)
             self.coverage.varea("abscissa", "low", "high", source=source, fill_color=ink, fill_alpha=0.2)
             self.coverage.line("abscissa", "coverage", source=source, color=ink)
+        self.error.yaxis.ticker = self.error.ygrid.ticker = FixedTicker(ticks=TICKS)
+        self.error.yaxis.formatter = PrintfTickFormatter(format="%g")
         style_legend(self.error)
         self.error.legend.location = "top_right"
         self.ratio.add_layout(Span(location=1, dimension="width", line_color=SHIP, line_dash="dashed"))
@@ -65,7 +68,7 @@ class StudyViews:
 
     @staticmethod
     def _figure(name, label, scale):
-        fig = figure(
+        return figure(
             name=name,
             sizing_mode="stretch_both",
             tools="pan,wheel_zoom,box_zoom,reset,save",
@@ -73,10 +76,6 @@ class StudyViews:
             y_axis_type=scale,
             y_axis_label=label,
         )
-        if scale == "log":  # Bokeh's own ticks leave most of two decades without a number
-            fig.yaxis.ticker = fig.ygrid.ticker = FixedTicker(ticks=DECADES)
-            fig.yaxis.formatter = PrintfTickFormatter(format="%g")
-        return fig
 
     def show(self, rows: list[dict], sweep: str, component: str) -> None:
         """Draws rows of a study (see `trackerlib.commands.study.one_row`) for a component such as "z" or "vx"."""

@@ -64,7 +64,6 @@ class ChartControls:
 
     def _make_sources(self) -> None:
         self.source = choice("Source", SOURCES, SURVEY)
-        self.source.margin = (10, 8, 5, 8)
         tip = "WAV, RF64 or FLAC on this machine, of any length; files up to 200 MB also by File, Open…"
         self.path, self.open_path = _path("Recording on this machine", tip), _button("Open and hear")
         tip = "NMEA 0183 log, or CSV with utc, lat_deg, lon_deg (or time_s from the recording's start)"

@@ -235,9 +235,11 @@ class MonteCarloTab(Tab):
                 return rows, f"Cancelled: {len(rows)} of {len(points)} points were done and are kept."
             return rows, ""
 
-        self.session.jobs.start(
-            "Monte Carlo", work, lambda done: self._show(done[0], asked, done[1]), long=True
-        )
+        def finish(done) -> None:
+            self._show(done[0], asked, done[1])
+            self.resume.visible = len(self.rows) < len(self.ran.points)
+
+        self.session.jobs.start("Monte Carlo", work, finish, long=True)
 
     def _begin(self, points: int) -> None:
         self.resume.visible = False
@@ -251,7 +253,6 @@ class MonteCarloTab(Tab):
             self._draw()
             return
         self.rows, self.ran = rows, asked
-        self.resume.visible = len(rows) < len(asked.points)
         names = {"depth": "z", "east": "x", "north": "y"}
         if asked.beacon.moving:
             names |= {"velocity up": "vz", "velocity east": "vx", "velocity north": "vy"}
@@ -332,7 +333,7 @@ def table(rows: list[dict], sweep: str, component: str) -> pd.DataFrame:
             "way": [SHORT[row["method"]] for row in rows],
             "n" if sweep == "experiments" else "K": [row[sweep] for row in rows],
             f"error ({unit})": [f"{row[f'rmse.{component}']:.3g}" for row in rows],
-            "per bound": [f"{row[f'rmse.{component}'] / row[f'crlb.{component}']:.2f}" for row in rows],
+            "ratio": [f"{row[f'rmse.{component}'] / row[f'crlb.{component}']:.2f}" for row in rows],
             "in 95 %": [f"{100 * row['coverage95']:.0f} %" for row in rows],
         }
     )

@@ -148,7 +148,12 @@ class Tab(Viewer):
         if folded := self.more():
             left.append(_sections(folded if isinstance(folded, dict) else {"More": folded}))
         controls = pn.Column(
-            *left, scroll="y", sizing_mode="stretch_both", min_height=0, margin=0, css_classes=["controls"]
+            *left,
+            scroll="y",
+            sizing_mode="stretch_both",
+            min_height=0,
+            margin=(5, 0, 0, 0),  # the label of the first control stands on its frame
+            css_classes=["controls"],
         )
         middle = self.picture()
         if strips := self.strips():

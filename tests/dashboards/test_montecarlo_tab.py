@@ -109,10 +109,12 @@ def test_a_cancelled_study_goes_on_where_it_stopped_whatever_was_turned_since(ta
 
     def cancelled_in_the_fourth(*point):
         done.append(point)
+        assert not tab.resume.visible  # while it runs
         if len(done) == 4:
             tab.session.jobs.cancel()
         return one_row(*point)
 
+    monkeypatch.setattr("dashboards.tabs.montecarlo.BETWEEN_DRAWINGS_S", -1.0)
     monkeypatch.setattr("dashboards.tabs.montecarlo.one_row", cancelled_in_the_fourth)
     tab.run()
     tab.trials.value = tab.seed.value = 7
