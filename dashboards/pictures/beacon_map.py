@@ -87,7 +87,7 @@ class BeaconMap:
             fig.line("x", "y", source=self.drift, line_color=ESTIMATE, line_width=2, line_dash="dotted"),
             fig.scatter("x", "y", source=self.fix, fill_alpha="fill", **STRONG),
         ]
-        words = {"x_offset": 9, "text_font_size": "11px", "text": "label"}
+        words = {"x_offset": 9, "text_font_size": "11px", "text_font_style": "bold", "text": "label"}
         self._others = [
             fig.scatter("x", "y", source=self.alternatives, fill_alpha=0, **STRONG),
             fig.text("x", "y", source=self.alternatives, text_color=ESTIMATE, **words),
@@ -133,7 +133,11 @@ class BeaconMap:
             entry.visible = False
         style_legend(fig)
         bar = ColorBar(
-            color_mapper=self.colour, title="ms", width=8, padding=4, major_label_text_font_size="10px"
+            color_mapper=self.colour,
+            title="residual (ms)",
+            width=8,
+            padding=4,
+            major_label_text_font_size="10px",
         )
         fig.add_layout(bar, "right")
 

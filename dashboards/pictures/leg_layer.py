@@ -52,7 +52,7 @@ class LegLayer:
                 marker="triangle", size=10, color=ESTIMATE, alpha=0.5, visible=False,
             ),
             legend_entry(
-                self._figure, "error after a leg to there", [self._shade],
+                self._figure, "error after a leg to there, pale: less", [self._shade],
                 marker="square", size=10, color=Cividis256[128], alpha=0.6, visible=False,
             ),
         ]  # fmt: skip

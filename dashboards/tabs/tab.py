@@ -152,7 +152,7 @@ class Tab(Viewer):
             scroll="y",
             sizing_mode="stretch_both",
             min_height=0,
-            margin=(5, 0, 0, 0),  # the label of the first control stands on its frame
+            margin=(8, 0, 0, 0),  # the label of the first control stands on its frame
             css_classes=["controls"],
         )
         middle = self.picture()
