@@ -111,3 +111,10 @@ def test_bad_lines_are_told_and_the_rest_used(capsys, tmp_path, data):
     captured = capsys.readouterr()
     assert "survey.csv, line 11: found 2 columns; wanted 6" in captured.err
     assert json.loads(captured.out)["pings"] == len(text) - 4
+
+
+def test_too_few_experiments_are_named(answer, data):
+    document = answer(data / "beacon-demo/survey.csv", "--method", "pairs", "--experiments", 1)
+    assert document["reason"] == "experiments is 1; a fix needs 5 or more"
+    document = answer(data / "beacon-demo/survey.csv", "--method", "pairs", "--experiments", 40)
+    assert "make 28 experiments 35 receptions wide, 35 apart; wanted 40" in document["reason"]

@@ -112,8 +112,11 @@ def _experiments_of(receptions: int, settings: FixSettings) -> tuple[np.ndarray,
     spacing = settings.spacing or max(min(least_spacing, receptions // 8), 1)
     step = settings.step or spacing
     most = max((receptions - 1 - spacing) // step + 1, 0) if receptions > spacing else 0
+    fewest = (6 if moving else 3) + 2
     count = min(settings.experiments or most, most)
-    wanted = max(settings.experiments or 0, (6 if moving else 3) + 2)
+    wanted = max(settings.experiments or 0, fewest)
+    if count < fewest <= most:
+        return np.empty((0, 2), int), f"experiments is {count}; a fix needs {fewest} or more"
     if count < wanted:
         return np.empty((0, 2), int), (
             f"{receptions} usable pings make {most} experiments {spacing} receptions wide, {step} apart; "
