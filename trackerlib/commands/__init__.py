@@ -12,6 +12,7 @@ import math
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from typing import NoReturn
 
 import numpy as np
 
@@ -72,9 +73,16 @@ def plain(value):
     return value
 
 
+class _Parser(argparse.ArgumentParser):
+    """A wrong call is one sentence: the usage of `fix` is a page long and would hide it."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; --help tells the options\n")
+
+
 def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     about = "From timed signals to tracks, fixes and honest error figures. COMMAND --help lists a command's options."
-    parser = argparse.ArgumentParser(prog="python -m trackerlib", description=about)
+    parser = _Parser(prog="python -m trackerlib", description=about)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     # Only the command that is called is loaded: some take a second to import.
     for name in argv[:1] if argv and argv[0] in COMMANDS else COMMANDS:

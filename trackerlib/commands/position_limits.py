@@ -8,22 +8,22 @@ from trackerlib.beacon.navigation import PositionLimits
 from trackerlib.textfiles import InputError
 
 
-def add_limits(parser: argparse.ArgumentParser) -> None:
-    """The limits of `PositionLimits` as options."""
+def add_limits(parser) -> None:
+    """The limits of `PositionLimits` as options of a parser or of a group of one."""
     add, defaults = parser.add_argument, PositionLimits()
     add(
         "--greatest-hdop",
         type=float,
         default=defaults.greatest_hdop,
         metavar="H",
-        help="positions of this or more are refused",
+        help=f"positions of this or more are refused (default {defaults.greatest_hdop:g})",
     )
     add(
         "--greatest-age-s",
         type=float,
         default=defaults.greatest_age_s,
         metavar="A",
-        help="from a position to an arrival, either side",
+        help=f"from a position to an arrival, either side (default {defaults.greatest_age_s:g})",
     )
     add(
         "--greatest-gap-s",
