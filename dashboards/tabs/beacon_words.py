@@ -40,9 +40,10 @@ def _answer(fix: BeaconFix) -> str:
         return words if fix.velocity is None else words + " " + movement(fix)
     words = f"<b>No fix yet:</b> {html.escape(fix.reason or '')}."
     if fix.along_track_m is not None:
+        along = value_with_sigma(fix.along_track_m, fix.sigma_along_track_m, "m")
+        closest = value_with_sigma(fix.closest_slant_range_m, fix.sigma_closest_slant_range_m, "m")
         words += (
-            f" Along the track it is {fix.along_track_m:.0f} m from the first ping, "
-            f"{fix.closest_slant_range_m:.0f} m of slant range from the line."
+            f" Along the track it is {along} from the first ping, {closest} of slant range from the line."
         )
     return words
 

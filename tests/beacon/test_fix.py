@@ -148,6 +148,24 @@ def test_one_straight_leg_gives_both_sides(side):
     assert fix.closest_slant_range_m == pytest.approx(1500, abs=40)
 
 
+def test_what_a_straight_leg_tells_is_as_sure_as_stated():
+    along = np.array([np.sin(np.radians(75)), np.cos(np.radians(75)), 0.0])
+    beacon = np.array([-900.0, -700.0, 0.0]) + 2500 * along + [900 * along[1], -900 * along[0], -1200.0]
+    rng, errors = np.random.default_rng(7), []
+    for seed in range(40):
+        pings = survey(LINE, beacon, USUAL, seed=seed, speed_mps=1500 + 2 * rng.standard_normal())
+        fix = fix_beacon(pings, FixSettings(gps_rms_m=3.0))
+        place = fix.frame.to_local(*FRAME.to_geodetic(beacon)) - fix.ship[0]  # as that ping's place is logged
+        errors.append(
+            [
+                (fix.along_track_m - place @ along) / fix.sigma_along_track_m,
+                (fix.closest_slant_range_m - 1500) / fix.sigma_closest_slant_range_m,
+            ]
+        )
+    # such means of 40 squares scatter by 0.22
+    assert np.mean(np.square(errors), axis=0) == pytest.approx([1.0, 1.0], abs=0.55)
+
+
 def test_a_short_straight_leg_does_not_even_tell_the_distance():
     fix = fix_beacon(survey(((75, 200),), BEACON, USUAL, interval_s=4.0), FixSettings(gps_rms_m=3.0))
     assert not fix.converged

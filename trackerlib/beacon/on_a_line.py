@@ -39,15 +39,15 @@ def fix_on_a_line(attempt: Attempt, track: StraightTrack) -> BeaconFix:
     closest = np.linalg.norm(offsets - along_each[:, None] * track.along, axis=1)
     first = (attempt.problem.ship[0] - track.centre) @ track.along
     unseen = unseen_beside_line(track)
-    if not _distance_known(
-        attempt, lowest, np.array([track.along, slopes[pair.index(lowest)]]), float(closest.min())
-    ):
+    axes = np.array([track.along, slopes[pair.index(lowest)]])
+    if not _distance_known(attempt, lowest, axes, float(closest.min())):
         why = f"{unseen[0].why}; the line is too short yet to tell even the distance, so sail on as well"
         return replace(attempt.blank, reason=why, unobservable=unseen)
     noise_s = np.hypot(lowest.noise_s, ASSUMED_SHIP_RMS_M / attempt.problem.paths.mean_speed(TYPICAL_DEPTH_M))
     leg = leg_that_helps(
         attempt.problem, np.array([candidate.position for candidate in pair]), float(noise_s)
     )
+    along_sigma, closest_sigma = _sigmas(attempt, lowest, axes)
     return replace(
         attempt.describe(lowest),
         reason=f"{unseen[0].why}: {leg}",
@@ -59,8 +59,19 @@ def fix_on_a_line(attempt: Attempt, track: StraightTrack) -> BeaconFix:
         unobservable=unseen,
         alternatives=tuple(attempt.solution(c.position, c.cost - lowest.cost) for c in pair),
         along_track_m=float(along_each.mean() - first),
+        sigma_along_track_m=along_sigma,
         closest_slant_range_m=float(closest.mean()),
+        sigma_closest_slant_range_m=closest_sigma,
     )
+
+
+def _sigmas(attempt: Attempt, candidate: Candidate, axes: np.ndarray) -> tuple[float, float]:
+    """Standard errors [m] along the track and from it, axes (2, 3), as a fix states them; NaN with too few pings."""
+    in_plane = replace(attempt, problem=replace(attempt.problem, axes=axes)).describe(candidate).uncertainty
+    if in_plane is None:
+        return np.nan, np.nan
+    along, closest = np.sqrt(np.diag(axes @ in_plane.covariance[:3, :3] @ axes.T))
+    return float(along), float(closest)
 
 
 def _distance_known(attempt: Attempt, candidate: Candidate, axes: np.ndarray, distance_m: float) -> bool:

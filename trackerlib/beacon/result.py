@@ -92,7 +92,9 @@ class BeaconFix:
     unobservable: tuple[Unobservable, ...] = ()
     alternatives: tuple[Solution, ...] = ()
     along_track_m: float | None = None  # from the first ping, along a straight track
+    sigma_along_track_m: float | None = None
     closest_slant_range_m: float | None = None  # from a straight track
+    sigma_closest_slant_range_m: float | None = None
     method: str = "all-pings"  # one of METHODS
     log: tuple[Step, ...] = ()  # how the minimisation went
     simulated: bool = False

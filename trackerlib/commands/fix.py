@@ -202,8 +202,12 @@ def _further_lines(answer: dict) -> list[str]:
         ]
         lines.append(f"of depth  sigma from {', '.join(causes)}")
     if answer.get("along_track_m") is not None:
-        lines.append(f"along track {answer['along_track_m']:.0f} m from the first ping")
-        lines.append(f"closest slant range {answer['closest_slant_range_m']:.0f} m")
+        along = value_with_sigma(answer["along_track_m"], answer["sigma_along_track_m"], "m")
+        closest = value_with_sigma(
+            answer["closest_slant_range_m"], answer["sigma_closest_slant_range_m"], "m"
+        )
+        lines.append(f"along track {along} from the first ping")
+        lines.append(f"closest slant range {closest}")
     lines += [
         f"model     {m['name']}: AICc {m['aicc_above_best']:.1f} above the best, "
         f"held-out pings {m['held_out_ms']:.3g} ms"

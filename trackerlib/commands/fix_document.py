@@ -55,7 +55,9 @@ def document(fix: BeaconFix) -> dict:
     }
     if fix.unobservable:
         answer["along_track_m"] = fix.along_track_m
+        answer["sigma_along_track_m"] = fix.sigma_along_track_m
         answer["closest_slant_range_m"] = fix.closest_slant_range_m
+        answer["sigma_closest_slant_range_m"] = fix.sigma_closest_slant_range_m
     return answer
 
 

@@ -231,8 +231,10 @@ def _summary(record: FixRecord) -> list[str]:
         lines.append(ellipse_text(fix))
         lines.append(f"Residuals of the pings used, rms: {rounded(1e3 * fix.uncertainty.rms_s)} ms")
     if fix.along_track_m is not None:
-        lines.append(f"Along the straight track from the first ping: {fix.along_track_m:.0f} m")
-        lines.append(f"Closest slant range: {fix.closest_slant_range_m:.0f} m")
+        along = value_with_sigma(fix.along_track_m, fix.sigma_along_track_m, "m")
+        closest = value_with_sigma(fix.closest_slant_range_m, fix.sigma_closest_slant_range_m, "m")
+        lines.append(f"Along the straight track from the first ping: {along}")
+        lines.append(f"Closest slant range: {closest}")
     for other in fix.alternatives:
         place = (other.lat_deg, other.lon_deg)
         lines.append(f"Fits about as well: {decimal_degrees(*place)}, depth {other.depth_m:.0f} m")
@@ -275,7 +277,9 @@ def _properties(fix: BeaconFix) -> dict:
         "sound_speed_mps": _finite(fix.sound_speed_mps),
         "emission_offset_s": _finite(fix.emission_offset_s),
         "along_track_m": _finite(fix.along_track_m),
+        "sigma_along_track_m": _finite(fix.sigma_along_track_m),
         "closest_slant_range_m": _finite(fix.closest_slant_range_m),
+        "sigma_closest_slant_range_m": _finite(fix.sigma_closest_slant_range_m),
         "pings": len(fix.number),
         "used": int(fix.used.sum()),
         "rejected": [int(number) for number in fix.rejected],
