@@ -13,6 +13,7 @@ from trackerlib.beacon.diagnosis import MisfitSurface
 from trackerlib.beacon.result import BeaconFix
 
 LEVELS = (2.3, 6.0, 9.2, 20.0, 50.0, 100.0)  # of chi-square; 6.0 holds 95 % in two dimensions
+NO_HISTORY = "No fix believed yet: its depth will stand here"
 HISTORY_COLUMNS = ("number", "depth", "low", "high", "major")
 
 
@@ -59,6 +60,7 @@ class DepthHistory:
         line = fig.line("number", "depth", source=self.source, line_color=ESTIMATE, line_width=2)
         tips = [("ping", "@number"), ("depth", "@depth{0.0} m"), ("ellipse", "@major{0.0} m")]
         fig.add_tools(HoverTool(renderers=[line], mode="vline", tooltips=tips))
+        fig.title.update(text=NO_HISTORY, text_font_style="normal")
 
     def add(self, fix: BeaconFix) -> bool:
         """One more fix at the end, if it is believed and later than the last one there; whether it was added."""
@@ -66,11 +68,13 @@ class DepthHistory:
         later = fix.converged and (not len(known) or fix.number[-1] > known[-1])
         if later:
             self.source.stream(history_row(fix), rollover=5000)
+            self.figure.title.text = ""
         return later
 
     def show(self, fixes: list[BeaconFix]) -> None:
         """The whole history at once."""
         rows = [history_row(fix) for fix in fixes if fix.converged]
+        self.figure.title.text = "" if rows else NO_HISTORY
         self.source.data = {name: [row[name][0] for row in rows] for name in HISTORY_COLUMNS}
 
 

@@ -25,6 +25,7 @@ from trackerlib.receiver.level_curve import LevelCurve
 SPAN = 0.12  # of the carrier, to each side
 POINTS = 401
 TOLERANCE = 0.25  # of the hydrophone's capacitance
+NO_MARKS = "Mark a trace, then Hyperbola: what the curve leaves of each mark is drawn here"
 STAGES = ("first stage", "second stage", "third stage")
 
 
@@ -200,7 +201,9 @@ class PassView:
         fig.add_tools(
             HoverTool(renderers=[dots], tooltips=[("line", "@line"), ("residual", "@residual_ms{0.00} ms")])
         )
+        fig.title.update(text=NO_MARKS, text_font_style="normal")
 
     def show(self, line, residual_s) -> None:
         """Residuals (M,) at lines (M,)."""
+        self.figure.title.text = "" if len(line) else NO_MARKS
         self.source.data = {"line": np.asarray(line), "residual_ms": 1e3 * np.asarray(residual_s)}

@@ -154,12 +154,14 @@ def test_a_ping_left_out_by_hand_stays_so(tab):
     number = int(session.pings.number[3])
     tab._compute_history()
     assert len(tab.history.source.data["number"]) > 3
+    assert tab.history.figure.title.text == ""
     tab.map.pings.selected.indices = [3]
     tab.edits.leave_out()
     tab.positions.hdop.value = 20.0
     assert session.fix_settings.left_out == {number}
     assert number in session.fix.rejected
     assert len(tab.history.source.data["number"]) == 0  # it was of the pings before
+    assert "No fix believed yet" in tab.history.figure.title.text
 
 
 def test_the_live_estimator_hears_the_pings_made_afresh(tab):
