@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     A wrong call ends in SystemExit(2), as argparse does it.
     """
     argv = sys.argv[1:] if argv is None else list(argv)
-    args = _parser(argv).parse_args(argv)
+    args = parser_of(argv).parse_args(argv)
     try:
         document = args.module.run(args)
         if document is not None:
@@ -80,7 +80,8 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}; --help tells the options\n")
 
 
-def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
+def parser_of(argv: Sequence[str]) -> argparse.ArgumentParser:
+    """What reads a call: of all commands, or of the one that is called."""
     about = "From timed signals to tracks, fixes and honest error figures. COMMAND --help lists a command's options."
     parser = _Parser(prog="python -m trackerlib", description=about)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
