@@ -12,7 +12,7 @@ import panel_material_ui as pmui
 
 from dashboards import garbage, guard
 from dashboards.keys import Keys
-from dashboards.open_dialog import OpenDialog, RunChoice
+from dashboards.open_dialog import OpenDialog, RunChoice, TransponderChoice
 from dashboards.session import Session
 from dashboards.tabs.tab import Tab
 from trackerlib import __version__
@@ -205,6 +205,7 @@ class Workbench:
             pn.Row(
                 self._menu(),
                 RunChoice(self.session).pane,
+                TransponderChoice(self.session).pane,
                 pn.HSpacer(),
                 self._badge(),
                 sizing_mode="stretch_width",

@@ -1,4 +1,4 @@
-"""What opens files in the page: a dialog to drop them in or type their path, and the choice of a campaign's run."""
+"""What opens files in the page: a dialog to drop them in or type their path; choices among what they hold."""
 
 from __future__ import annotations
 
@@ -91,33 +91,67 @@ class OpenDialog:
             self.trouble.param.update(object=html.escape(self.session.message), visible=True)
 
 
-class RunChoice:
-    """Day, run and vehicle of a campaign, one for all tabs; hidden while no campaign is open."""
+class HeadChoice:
+    """A list in the page's head of what an open file holds, one for all tabs; hidden while there is none."""
+
+    watched: tuple[str, ...]  # parameters of the session
+    width: int
 
     def __init__(self, session: Session):
         self.session = session
         self._quiet = False
-        self.pane = pmui.Select(options={}, size="small", width=320, margin=(2, 8), visible=False)
+        self.pane = pmui.Select(options={}, size="small", width=self.width, margin=(2, 8), visible=False)
         self.pane.param.watch(lambda event: self._choose(event.new), "value")
-        session.param.watch(lambda *events: self.show(), ["campaign", "campaign_run"])
+        session.param.watch(lambda *events: self.show(), [*self.watched])
+
+    def held(self) -> tuple[dict, object]:
+        """What can be chosen by the words for it, and what is chosen."""
+        raise NotImplementedError
+
+    def choose(self, value) -> None:
+        """Opens another; raises InputError where it is no use."""
+        raise NotImplementedError
 
     def show(self) -> None:
-        """Lists the runs of the campaign, the one in sight chosen."""
-        campaign, chosen = self.session.campaign, self.session.campaign_run
-        runs = () if campaign is None else campaign.runs
+        """Lists what is held, the one in sight chosen."""
+        options, chosen = self.held()
         self._quiet = True
-        self.pane.param.update(
-            options={str(one): k for k, one in enumerate(runs)},
-            value=runs.index(chosen) if chosen in runs else None,
-            visible=bool(runs),
-        )
+        self.pane.param.update(options=options, value=chosen, visible=bool(options))
         self._quiet = False
 
-    def _choose(self, place: int | None) -> None:
-        if self._quiet or place is None:
+    def _choose(self, value) -> None:
+        if self._quiet or value is None:
             return
         try:
-            self.session.open_run(self.session.campaign.runs[place])
+            self.choose(value)
         except InputError as error:
             self.session.report(error)
             self.show()
+
+
+class RunChoice(HeadChoice):
+    """Day, run and vehicle of a campaign."""
+
+    watched = ("campaign", "campaign_run")
+    width = 320
+
+    def held(self):
+        campaign, chosen = self.session.campaign, self.session.campaign_run
+        runs = () if campaign is None else campaign.runs
+        return {str(one): k for k, one in enumerate(runs)}, runs.index(chosen) if chosen in runs else None
+
+    def choose(self, value: int) -> None:
+        self.session.open_run(self.session.campaign.runs[value])
+
+
+class TransponderChoice(HeadChoice):
+    """Which transponder of a survey of several is fixed."""
+
+    watched = ("transponders", "transponder")
+    width = 120
+
+    def held(self):
+        return {name: name for name in self.session.transponders}, self.session.transponder or None
+
+    def choose(self, value: str) -> None:
+        self.session.open_transponder(value)

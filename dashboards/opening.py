@@ -23,6 +23,7 @@ from trackerlib.rangefiles.crossover_file import parse_crossover
 from trackerlib.rangefiles.offsets_file import parse_offsets
 from trackerlib.rangefiles.tfile import TFileReading, parse_tfile
 from trackerlib.rangefiles.velocity_file import parse_velocity, read_velocity
+from trackerlib.surveyfiles.pings_csv import SeveralTransponders
 from trackerlib.surveyfiles.profile_csv import SIMULATED, parse_profile_csv
 from trackerlib.surveyfiles.stream_csv import Arrivals, read_arrivals
 from trackerlib.surveyfiles.survey import parse_survey
@@ -51,6 +52,7 @@ class Opening:
     def __init__(self, session: Session):
         self._session = session
         self._folder: tempfile.TemporaryDirectory | None = None
+        self._several: tuple[bytes, str] = b"", ""  # the survey whose transponder can be chosen, and its name
         self._edits: dict[Path, PointEdits] = {}  # of the T-files of a campaign
         self._arrivals: tuple[Arrivals, str] | None = None  # that positions are wanted for, and their name
         self._positions: SoundFile | None = None  # the ship's
@@ -144,17 +146,28 @@ class Opening:
     def _text(self, name: str, content: bytes) -> None:
         self._openers[kind_of(decode_lines(content[:HEAD_BYTES], name))](content, name)
 
-    def _survey(self, content: bytes, name: str) -> None:
+    def transponder(self, which: str) -> None:
+        """Opens the pings of another transponder of the survey that is open."""
+        self._survey(*self._several, which)
+
+    def _survey(self, content: bytes, name: str, transponder: str | None = None) -> None:
         session = self._session
-        settings = session.fix_settings
-        reading = parse_survey(
-            decode_lines(content, name), name, hydrophone_depth_m=settings.hydrophone_depth_m
-        )
-        self._arrivals = None
+        settings, names = session.fix_settings, session.transponders
+        lines, depth_m = decode_lines(content, name), settings.hydrophone_depth_m
+        try:
+            reading = parse_survey(lines, name, transponder=transponder, hydrophone_depth_m=depth_m)
+        except SeveralTransponders as several:
+            names, transponder = several.names, several.names[0]
+            reading = parse_survey(lines, name, transponder=transponder, hydrophone_depth_m=depth_m)
+        self._arrivals, self._several = None, (content, name)
         profile = self._water(reading.pings.simulated)
         settings = replace(settings, profile=profile, left_out=frozenset(), start=None)
         session.begin_hunt(fix_settings=settings, pings=reading.pings, heard=len(reading.pings), listening="")
-        self._told(name, f"{len(reading.pings)} pings ({reading.layout})", reading.bad_records, reading.notes)
+        what = f"{len(reading.pings)} pings ({reading.layout})"
+        if transponder is not None:
+            session.param.update(transponders=names, transponder=transponder)
+            what += f" of {transponder}; another of its {len(names)} transponders can be chosen in the page's head"
+        self._told(name, what, reading.bad_records, reading.notes)
 
     def _water(self, simulated: bool) -> SoundSpeedProfile | None:
         """The profile that is open; the demo's water is not that of a real survey."""

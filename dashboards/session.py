@@ -65,6 +65,10 @@ class Session(param.Parameterized):
 
     # The beacon hunt
     pings = param.ClassSelector(class_=Pings, allow_None=True)
+    transponders = param.ClassSelector(
+        class_=tuple, default=(), doc="names in the survey that is open, where it holds several"
+    )
+    transponder = param.String(default="", doc="the one of them whose pings are in sight")
     fix_settings = param.ClassSelector(class_=FixSettings, default=FixSettings())
     fix = param.ClassSelector(class_=BeaconFix, allow_None=True, doc="of the pings heard so far")
     truth = param.Dict(default=None, allow_None=True, doc="known or published place of the beacon, if any")
@@ -188,6 +192,10 @@ class Session(param.Parameterized):
         """Opens a run of the campaign; raises InputError, and keeps the last run, where its files are no use."""
         self._opening.run(run)
 
+    def open_transponder(self, which: str) -> None:
+        """Opens the pings of another transponder of the survey that is open."""
+        self._opening.transponder(which)
+
     def open_beacon_demo(self) -> None:
         """Opens the simulated beacon survey that comes with the program."""
         self._opening.beacon_demo()
@@ -285,7 +293,7 @@ class Session(param.Parameterized):
     def begin_hunt(self, **state) -> None:
         """Other pings, or none yet: what belonged to the last hunt goes."""
         self.forget_edits()
-        made_of = {"receptions": None, "placed": None}
+        made_of = {"receptions": None, "placed": None, "transponders": (), "transponder": ""}
         self.param.update(
             playing=False, truth=None, fix=None, reasons={}, bearing_lines=(), opened=self.opened + 1,
             **(made_of | state),

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from dashboards.file_kinds import kind_of
+from dashboards.open_dialog import TransponderChoice
 from dashboards.opening import UPLOAD_LIMIT_MB
 from dashboards.session import Session
 from trackerlib.textfiles import InputError
@@ -172,3 +173,18 @@ def test_point_edits_and_options_come_back_with_the_session_file():
     other.open_file("session.json", session.to_json().encode())
     assert other.edits == edits
     assert other.timing_options == {"method": "joint", "outliers": "in"}
+
+
+def test_another_transponder_of_a_survey_is_chosen_in_the_head():
+    session = Session()
+    choice = TransponderChoice(session)
+    rows = [f"{10 + k / 1000},20,{2 + k / 100},{'M12' if k % 3 else 'M11'}" for k in range(9)]
+    content = "\n".join(["lat_deg,lon_deg,oneway_s,transponder", *rows]).encode()
+    session.open_file("two.csv", content)
+    assert (len(session.pings), choice.pane.value, list(choice.pane.options)) == (3, "M11", ["M11", "M12"])
+    assert choice.pane.visible
+    assert "another of its 2 transponders" in session.message
+    choice.pane.value = "M12"
+    assert (len(session.pings), session.transponder, choice.pane.value) == (6, "M12", "M12")
+    session.open_beacon_demo()
+    assert not choice.pane.visible

@@ -18,10 +18,20 @@ NEEDED = ("lat_deg", "lon_deg", "oneway_s")
 TIMES = ("utc", "utc_transmit", "utc_receive")
 
 
+class SeveralTransponders(InputError):
+    """A file holds pings of several transponders, and none is chosen."""
+
+    def __init__(self, name: str, names: tuple[str, ...]):
+        super().__init__(
+            f"{name}: found transponders {', '.join(names)}; choose one (--transponder {names[0]})"
+        )
+        self.names = names  # in order of appearance
+
+
 def read_pings_csv(lines: list[str], name: str, *, transponder=None, hydrophone_depth_m=0.0) -> SurveyReading:
     """Pings of a CSV file; of one transponder where a column of that name holds several.
 
-    Raises InputError for a missing column, or for several transponders when none is chosen.
+    Raises InputError for a missing column, SeveralTransponders where there are several and none is chosen.
     """
     numbered = [
         (k, line) for k, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")
@@ -53,19 +63,11 @@ def read_pings_csv(lines: list[str], name: str, *, transponder=None, hydrophone_
     return build_reading(receptions, name, "csv", bad, [], simulated)
 
 
-def transponders_in(lines: list[str]) -> list[str]:
-    """Names in the `transponder` column of a CSV, in order of appearance; empty without such a column."""
-    rows = csv.DictReader(line for line in lines if line.strip() and not line.lstrip().startswith("#"))
-    return list(dict.fromkeys(row["transponder"].strip() for row in rows if row.get("transponder")))
-
-
 def _of_one_transponder(receptions, transponders, wanted, name):
     present = list(dict.fromkeys(filter(None, transponders)))
     if wanted is None:
         if len(present) > 1:
-            raise InputError(
-                f"{name}: found transponders {', '.join(present)}; choose one (--transponder {present[0]})"
-            )
+            raise SeveralTransponders(name, tuple(present))
         return receptions
     if wanted not in present:
         raise InputError(f"{name}: found transponders {', '.join(present) or 'none'}; wanted {wanted}")
