@@ -17,7 +17,6 @@ SNAP_LINES = 3
 FREE_SIGMA_S = 2e-3  # of a mark that is no arrival: what a hand can do
 ARRIVAL_SIGMA_S = 0.5e-3  # of an arrival whose detector tells no sigma
 STRAIGHTEN_WITHIN = 0.01  # of the interval at which the paper is folded
-CURVE_POINTS = 400
 
 
 class TraceMarks:

@@ -28,9 +28,8 @@ PINGERS = (
     ),
     Pinger(position_m=(600.0, 400.0, -1985.0), interval_s=2.5, first_emission_s=0.87),
 )
-ECHO_S = (
-    0.030  # echoes come 13 and 27 ms behind; in a window of 20 ms a louder one takes the place of its ping
-)
+# echoes come 13 and 27 ms behind; in a window of 20 ms a louder one takes the place of its ping
+ECHO_S = 0.030
 
 
 def simulated(seed, seconds=SECONDS):

@@ -14,9 +14,8 @@ pytestmark = pytest.mark.ui
 
 RATE = 25  # times real time: faster, and a busy machine asks too seldom to hear every period
 ENOUGH = 250  # pings: the ship has sailed two and a half legs of the hexagon
-NEAR_M = (
-    25.0  # of the truth: the emulated line answers late by tens of metres of the ship's way, at this rate
-)
+# of the truth: the emulated line answers late by tens of metres of the ship's way, at this rate
+NEAR_M = 25.0
 PATIENCE_MS = 55_000
 FOLLOWED = re.compile(r"(\d+) pings followed")
 

@@ -176,6 +176,7 @@ class Attempt:
         }
 
     def solution(self, state: np.ndarray, misfit: float) -> Solution:
+        """A state (P,) as a place at the first ping, `misfit` above the best one."""
         position = (self.motion.at(0.0) @ state)[:3]
         lat, lon, up = self.blank.frame.to_geodetic(position)
         return Solution(

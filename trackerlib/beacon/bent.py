@@ -16,9 +16,8 @@ from scipy.stats import chi2
 from trackerlib.beacon.small_systems import product, root_of, scaled_solve, squares, whiten
 from trackerlib.compiled import compiled, compiled_with
 
-CURVED_FROM = (
-    0.5  # root-mean-square second-order part of the score, in standard errors, that shows in an ellipsoid
-)
+# root-mean-square second-order part of the score, in standard errors, that shows in an ellipsoid
+CURVED_FROM = 0.5
 MOST_WIDENED = 2.5  # times an ellipsoid may be widened before it says nothing
 MOST_LOST = 0.01  # share of the noise that may lead nowhere
 NEWTON_STEPS = 30

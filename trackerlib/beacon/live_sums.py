@@ -42,9 +42,11 @@ class LiveSums:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
+        """All that kernels write to, in the order in which they take it."""
         return self.moments, self.spread, self.tally, self.products, self.recent, self.told
 
     def copy(self) -> LiveSums:
+        """The same sums, to be added to apart from these."""
         other = LiveSums(len(self.spread))
         for mine, theirs in zip(self.arrays, other.arrays, strict=True):
             theirs[:] = mine

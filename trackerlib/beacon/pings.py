@@ -33,9 +33,8 @@ class Pings:
     utc: np.ndarray  # (N,) datetime64[ms], NaT where the file gives none
     clock_s: np.ndarray | None = None  # (N,) seconds of any clock, where the file tells no date
     at_reception: bool = False  # whether instants are those of reception, not of emission
-    heading_rad: np.ndarray | None = (
-        None  # (N,) of the ship's bow, clockwise from true north, NaN if not known
-    )
+    # (N,) of the ship's bow, clockwise from true north, NaN if not known
+    heading_rad: np.ndarray | None = None
     time_step_s: float = 0.0  # step in which travel times were logged, 0 if they are continuous
     source: str = ""  # file it came from
     simulated: bool = False

@@ -150,14 +150,12 @@ class Survey:
     interval_s: float  # between pings to come
     clock_terms: int  # unknowns of the pinger's clock: emission time, interval, drift
     speed_fitted: bool = False  # the speed of sound is estimated too, speed_sigma_mps that of its prior
-    gps_correlation_s: float | None = (
-        None  # of the ship's errors, independent from ping to ping where it is None
-    )
+    # of the ship's errors, independent from ping to ping where it is None
+    gps_correlation_s: float | None = None
     antenna_sigma_m: tuple[float, float] = (0.0, 0.0)  # level and vertical
     heading_rad: np.ndarray | None = None  # (N,) None: not known
-    lost: np.ndarray | None = (
-        None  # (K, K) [1/m^2] information of the pings heard that their fix makes no use of
-    )
+    # (K, K) [1/m^2] information of the pings heard that their fix makes no use of
+    lost: np.ndarray | None = None
 
     @property
     def last_s(self) -> float:

@@ -26,9 +26,8 @@ class Unbiased:
     """A state, and how sure the equations that gave it can be."""
 
     state: np.ndarray  # (P,)
-    covariance: np.ndarray | None = (
-        None  # (K + L, K + L) of free directions and linear unknowns; None: least squares
-    )
+    # (K + L, K + L) of free directions and linear unknowns; None: least squares
+    covariance: np.ndarray | None = None
     bias: np.ndarray | None = None  # (P,) that the state may have, where it could not be taken out
 
 

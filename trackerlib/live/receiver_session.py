@@ -127,13 +127,10 @@ class ReceiverSession:
         self._state, self._words = "stopped", ""
         self._run, self._faults = runs, 0
         self._typed_to = RECEIVER
-        self._measured, self._measured_of = (
-            (math.nan, math.nan),
-            (runs, 0),
-        )  # sample interval; run and periods
-        self._began_s = self._late_s = (
-            math.nan
-        )  # when the run began by the host's clock; how late positions come
+        self._measured = math.nan, math.nan  # sample interval and its error
+        self._measured_of = runs, 0  # run and periods it was measured from
+        self._began_s = math.nan  # when the run began by the host's clock
+        self._late_s = math.nan  # how late positions come
 
     @property
     def settings(self) -> PollingSettings:

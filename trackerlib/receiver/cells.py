@@ -61,6 +61,7 @@ class MatchedFilter:
 
     @property
     def cells_per_s(self) -> int:
+        """How many cells a second of sound makes."""
         return 1000 * self.cells_a_ms
 
     def start_of(self, cell: int) -> int:

@@ -51,11 +51,6 @@ class PingFollower:
         self._train, self._base = -1, 0  # followed, and emission number of its first ping
         self._last: FollowedPing | None = None
 
-    @property
-    def interval_heard_s(self) -> float | None:
-        """The interval as last heard, the ship's motion in it; None before a train is found."""
-        return self._tracker.interval_s.get(self._train)
-
     def feed(self, arrivals: Arrivals) -> list[FollowedPing]:
         """The pings that became known with these arrivals, in order; those of a period belong together."""
         times = np.sort(arrivals.arrival_s[ping_rows(arrivals, self.threshold)])

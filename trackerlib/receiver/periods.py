@@ -20,9 +20,8 @@ import numpy as np
 from trackerlib.receiver.arrivals import Arrivals
 from trackerlib.receiver.sail import SUM_SAMPLES, Maximum
 
-CREEP = (
-    1e-3  # of elapsed time: how far the two clocks may drift apart, a miscalibrated sample interval included
-)
+# of elapsed time: how far the two clocks may drift apart, a miscalibrated sample interval included
+CREEP = 1e-3
 
 
 @dataclass(frozen=True)

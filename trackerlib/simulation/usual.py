@@ -34,7 +34,6 @@ class Comparison:
     usual_error: float
     our_bias: float
     our_error: float
-    bound_m: np.ndarray  # (3,)
 
 
 def fix_usual(ship, ranges, epochs, gps_rms_m: float, range_rms_m: float, start, moving: bool):
@@ -95,7 +94,7 @@ def compare(receptions: Receptions, gps_rms_m: float, trials: int, seed: int) ->
         bias = np.abs(errors.mean(axis=0)) / bound
         return float(bias.max()), float((np.sqrt(np.mean(errors**2, axis=0)) / bound).max())
 
-    return Comparison(*worst(usual.errors[:, :3]), *worst(ours.errors[:, :3]), bound)
+    return Comparison(*worst(usual.errors[:, :3]), *worst(ours.errors[:, :3]))
 
 
 def bias_over_depth(depths_m, gps_rms_m, trials: int, seed: int, receptions: int = 601) -> np.ndarray:
