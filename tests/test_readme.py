@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shlex
+from importlib import import_module
 
 import pytest
 
@@ -44,3 +46,12 @@ def test_the_python_of_a_recording_runs_as_it_stands(blocks, tmp_path, monkeypat
     (block,) = (block for block in blocks if "write_hunt(" in block)
     exec(compile(block.replace("hunt.seconds", "4.0"), "README.md", "exec"), {})
     assert {path.name for path in tmp_path.iterdir()} == {"hunt.wav", "hunt.nmea"}
+
+
+@pytest.mark.parametrize("room", ["beacon", "receiver"])
+def test_the_map_of_a_large_room_names_every_file_once(room, root):
+    lines = import_module(f"trackerlib.{room}").__doc__.split("Where to look:")[1].strip().splitlines()
+    columns = "\n".join(line.strip().split("  ", 1)[1] for line in lines)
+    named = re.findall(r"[a-z_]+", re.sub(r"\(.*?\)", "", columns))
+    files = {path.stem for path in (root / "trackerlib" / room).glob("*.py")} - {"__init__"}
+    assert sorted(named) == sorted(files)
