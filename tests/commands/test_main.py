@@ -68,3 +68,10 @@ def test_a_terminal_that_knows_ascii_alone_gets_the_rest(monkeypatch, data):
     sys.stdout.flush()
     assert b"all pairs share one offset" in said.getvalue()
     assert b"?" in said.getvalue().split(b"all pairs")[0]
+
+
+def test_a_file_that_cannot_be_written_is_named(data, tmp_path, capsys):
+    survey, away = str(data / "beacon-demo/survey.csv"), tmp_path / "nowhere"
+    for option, name in (("--map", "map.csv"), ("--route", "leg.gpx")):
+        assert main(["plan", survey, "--budget-s", "60", option, str(away / name)]) == 2
+        assert f"{away / name}: No such file" in capsys.readouterr().err

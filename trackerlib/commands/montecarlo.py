@@ -6,7 +6,7 @@ import argparse
 import time
 from contextlib import nullcontext
 
-from trackerlib.commands.workers import add_workers, dask_client, use_workers
+from trackerlib.commands.workers import add_trials, add_workers, dask_client, use_workers
 from trackerlib.rounding import rounded, value_with_sigma
 from trackerlib.simulation.hexagon import METHODS, SCENARIOS, Trials, run_point
 from trackerlib.simulation.study import COMPONENTS, coverage_words, summary
@@ -23,8 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--experiments", type=int, required=True, metavar="N", help="pairs of receptions of the thesis")
     add("--spacing", type=int, required=True, metavar="K", help="receptions from one pair to the next")
     add("--gps-rms-m", type=float, required=True, metavar="G", help="ship position error, each axis")
-    add("--trials", type=int, required=True, metavar="M", help="simulated surveys")
-    add("--seed", type=int, required=True, metavar="S", help="the same seed gives the same trials")
+    add_trials(parser, "simulated surveys")
     add("--method", choices=METHODS, default=METHODS[0], help="every reception, or chained pairs")
     add("--speed-mps", type=float, default=5.0, metavar="C", help="of the ship (default 5)")
     add("--start-vertex", type=int, default=4, metavar="V", help="it starts at 60 V degrees (default 4)")

@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> dict:
     except ValueError as error:
         raise InputError(error) from None
     if args.route is not None:
-        write_route(plan, fix, args.route)
+        write_text(args.route, route_text(plan, fix))
     if args.map is not None:
         reach = map_reach(plan, args.budget_s, args.ship_speed_mps)
         east, north, expected = accuracy_map(surveys, reach, args.ship_speed_mps)
@@ -114,14 +114,6 @@ def route_text(plan: Plan, fix: BeaconFix) -> str:
     lat, lon, _ = fix.frame.to_geodetic(np.column_stack([[leg.start, leg.end], np.zeros(2)]))
     label = "SIMULATED " if fix.simulated else ""
     return route_gpx(zip(lat, lon, ("start", "end"), strict=True), f"{label}{plan.words}")
-
-
-def write_route(plan: Plan, fix: BeaconFix, path: Path) -> None:
-    """Writes the best leg as a GPX route; raises InputError where it cannot be written."""
-    try:
-        path.write_text(route_text(plan, fix), encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
 
 
 def report(answer: dict) -> str:

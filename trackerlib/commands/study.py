@@ -17,7 +17,7 @@ from pathlib import Path
 import numba
 import pandas as pd
 
-from trackerlib.commands.workers import add_workers, dask_client, use_workers
+from trackerlib.commands.workers import add_trials, add_workers, dask_client, use_workers
 from trackerlib.simulation.figures import draw_page
 from trackerlib.simulation.hexagon import METHODS, SCENARIOS, Scenario
 from trackerlib.simulation.report import write_report
@@ -67,8 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=",".join(STUDY_METHODS),
         help=f"every reception, chained pairs, usual least squares (default {','.join(METHODS)})",
     )
-    add("--trials", type=int, required=True, metavar="M", help="at each point")
-    add("--seed", type=int, required=True, metavar="S", help="the same seed gives the same trials")
+    add_trials(parser, "at each point")
     add("--speed-mps", type=_list(float), default=(5.0,), metavar="5,1", help="of the ship (default 5)")
     add_workers(parser)
     add("--resume", action="store_true", help="keep the points that DIR/study.csv already holds")

@@ -16,6 +16,20 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it")
 
 
+def add_trials(parser: argparse.ArgumentParser, words: str) -> None:
+    """The options `--trials`, in words, and `--seed`."""
+    parser.add_argument("--trials", type=int, required=True, metavar="M", help=words)
+    parser.add_argument(
+        "--seed", type=_seed, required=True, metavar="S", help="the same seed gives the same trials"
+    )
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"found {text!r}; wanted a whole number of 0 or more")
+    return int(text)
+
+
 def use_workers(count: int | None) -> None:
     """Lets kernels run on this many threads.
 
