@@ -14,9 +14,10 @@ from trackerlib.beacon.navigation import pings_of_stream, ship_at_receptions
 from trackerlib.live.hunt import hunt_of, strongest
 from trackerlib.live.ports import open_port
 from trackerlib.live.raw_log import RawLog
-from trackerlib.live.receiver_session import PollingSettings, ReceiverSession, WallClock
+from trackerlib.live.receiver_session import PASSED, PollingSettings, ReceiverSession, WallClock
 from trackerlib.live.session_file import SessionFile, raw_of, read_session
-from trackerlib.receiver.sail import ReceiverParameters
+from trackerlib.receiver.periods import Period
+from trackerlib.receiver.sail import Fault, ReceiverParameters
 from trackerlib.simulation.hexagon import SCENARIOS, SOUND_SPEED_MPS
 from trackerlib.simulation.sail_server import PtyLine, TcpLine
 from trackerlib.simulation.sail_units import SailLine, SimulatedHunt
@@ -72,6 +73,17 @@ def surprise(fix, hunt, position):
     """How far outside the stated ellipsoid the truth lies, as a probability."""
     error = fix.position - fix.frame.to_local(*hunt.frame.to_geodetic(np.array(position)))
     return chi2.cdf(error @ np.linalg.solve(fix.uncertainty.covariance[:3, :3], error), 3)
+
+
+def test_a_fault_that_is_over_is_told_no_more():
+    session = ReceiverSession(open_port("tcp:127.0.0.1:9"))
+    session.keep_fault(Fault("silent", "not even the echo came back"))
+    for number in range(PASSED):
+        assert session.status.words == "not even the echo came back"
+        session.keep_period(1, Period(number, NOON + 2 * number, (), 0.0, 2000))
+    assert (session.status.words, session.status.faults) == ("", 1)
+    session.keep_fault(Fault("silent", "again"))
+    assert session.status.words == "again"
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,7 @@ from trackerlib.receiver.sail import (
 KEPT = 200_000  # periods and fixes in memory; the file has all
 NEWS = 20_000  # items for an app that does not fetch them, the oldest dropped first
 TERMINAL_BYTES = 200_000
+PASSED = 5  # periods had since a fault, from which it is over
 FIRST_RETRY_S, LONGEST_RETRY_S = 0.25, 5.0
 
 
@@ -73,7 +74,7 @@ class SessionStatus:
     """How the hunt is doing, for a person."""
 
     state: str  # "stopped", "listening", "waiting" (for line or receiver)
-    words: str  # the latest trouble of line, receiver, file or raw log, or ""
+    words: str  # the trouble of line, receiver, file or raw log that is not over, or ""
     baud: int
     attenuation_db: float  # as last shown; NaN if not known
     run: int  # how often sampling began, from 1; 0 before
@@ -125,6 +126,7 @@ class ReceiverSession:
         self._fixes: deque[tuple[float, Fix]] = deque(maxlen=KEPT)
         self._news: deque[tuple[int, Period | Fix | str]] = deque(maxlen=NEWS)
         self._state, self._words = "stopped", ""
+        self._since_fault = 0  # periods had
         self._run, self._faults = runs, 0
         self._typed_to = RECEIVER
         self._measured = math.nan, math.nan  # sample interval and its error
@@ -323,6 +325,9 @@ class ReceiverSession:
                 self._run, self._began_s = run, math.nan
             self._periods.append(period)
             self._began_s = np.fmin(self._began_s, receiver_start([period], self.settings.sample_interval_s))
+        self._since_fault += 1
+        if self._since_fault == PASSED:
+            self._words = ""
         self._news.append((run, period))
         if self.file is not None:
             self.file.add_period(run, period)
@@ -336,7 +341,7 @@ class ReceiverSession:
     def keep_fault(self, fault: Fault) -> None:
         """Keeps what went wrong, in words."""
         self._faults += 1
-        self._words = fault.words
+        self._words, self._since_fault = fault.words, 0
         self._news.append((self._run, fault.words))
         if self.file is not None:
             self.file.add_event(time.time(), f"{fault.kind}: {fault.words}")
