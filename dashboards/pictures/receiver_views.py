@@ -89,7 +89,7 @@ class FrontEndView:
         self.impedance = fig = _strip(
             "source impedance",
             "frequency (kHz)",
-            "|Z| of the source (Ω)",
+            "source |Z| (Ω)",
             x_axis_type="log",
             y_axis_type="log",
         )
@@ -125,8 +125,9 @@ class ThresholdView:
     Lines are theory where there is one; dots, or lines where there is none, are simulated.
     """
 
-    def __init__(self, name: str, across: str, alarms: str):
+    def __init__(self, name: str, across: str, alarms: str, made: str):
         self.figure = fig = _strip(name, across, "share", y_axis_type="log", y_range=Range1d(5e-4, 1.3))
+        fig.title.update(text=made, text_font_style="normal")
         columns = ("xs", "ys", "ink", "what")
         self.lines = ColumnDataSource({each: [] for each in columns}, name=f"{name} lines")
         self.dots = ColumnDataSource({each: [] for each in ("x", "y", "ink", "what")}, name=name)
@@ -163,8 +164,9 @@ class DetectionView(ThresholdView):
 
     def __init__(self):
         super().__init__(
-            "detection", "threshold of the matched filter: power over noise (dB)", "false alarms, a cell"
-        )
+            "detection", "threshold of the matched filter: power over noise (dB)", "false alarms, a cell",
+            "lines by theory, dots SIMULATED",
+        )  # fmt: skip
 
     def show(self, curve: DetectionCurve) -> None:
         """These curves."""
@@ -179,7 +181,7 @@ class LevelView(ThresholdView):
 
     def __init__(self):
         super().__init__(
-            "level", "threshold of the report's chain: level, 0 to 255", "false alarms, a period"
+            "level", "threshold of the report's chain: level, 0 to 255", "false alarms, a period", "SIMULATED"
         )
         self.figure.x_range = Range1d(0, 255)
 

@@ -139,7 +139,9 @@ class Beside:
         matched = MatchedFilter(48_000, 10_000.0, 0.01)
 
         def work(progress):
+            progress(0.0, "of the matched filter")
             modern = detection_curve(matched, FALSE_ALARMS, RATIOS_DB, pulses=PULSES)
+            progress(0.5, "of the report's chain")
             return modern, level_curve(REPORTS, LEVEL_RATE_HZ, RATIOS_DB, periods=PULSES)
 
         def show(curves):

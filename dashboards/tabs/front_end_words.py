@@ -47,7 +47,7 @@ def _at_carrier(design: FrontEnd) -> dict[str, str]:
         "source impedance": f"{abs(source):.0f} Ω",
         "its noise, with R01": f"{1e9 * source_noise_v(source, INPUT_OHM):.1f} nV/√Hz "
         f"({1e9 * thermal_noise_v(abs(source)):.1f} if it were a resistance)",
-        "lost in 20 times as much": f"{loading_loss_db(source, 20 * abs(source)):.3f} dB "
+        "lost to a load 20 times as large": f"{loading_loss_db(source, 20 * abs(source)):.3f} dB "
         f"({loading_loss_db(abs(source), 20 * abs(source)):.2f} if it were a resistance)",
         "compressor's span": f"{dynamic_range_db():.0f} dB",
     }
