@@ -128,3 +128,20 @@ def test_the_command_tells_it(tmp_path, capsys):
     assert main(["fix", str(path), "--gps-rms-m", "1"]) == 0
     assert f"note      {answer['notes'][0]}" in capsys.readouterr().out
     assert FRAME.lat_deg == pytest.approx(answer["lat_deg"], abs=0.01)
+
+
+@pytest.mark.parametrize("depth_m", [0.0, 8.0])
+def test_a_beacon_at_the_surface_asks_for_a_deeper_hydrophone_which_tells(depth_m):
+    beacon, errors = (400.0, 300.0, -depth_m), Errors(1.0, 5e-4)
+    shallow, lowered = (survey(BOX, beacon, errors, seed=2, hydrophone_depth_m=deep) for deep in (4.0, 114.0))
+    fix = fix_beacon(shallow, PLAIN)
+    assert not fix.converged
+    assert "about level with the hydrophone" in fix.reason
+    assert "lower the hydrophone by 110 m" in fix.reason
+    assert "sail" not in fix.reason
+    late = np.arange(len(shallow)) >= len(shallow) // 2
+    columns = ("lat_deg", "lon_deg", "up_m", "travel_time_s")
+    both = {name: np.where(late, getattr(lowered, name), getattr(shallow, name)) for name in columns}
+    told = fix_beacon(replace(shallow, **both), PLAIN)
+    assert told.converged, told.reason
+    assert told.depth_m == pytest.approx(depth_m, abs=3 * told.sigma[2])

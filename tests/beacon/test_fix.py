@@ -256,9 +256,12 @@ def test_settings_that_make_no_sense_are_named(setting):
 
 def test_the_fix_prints_what_a_report_would_say():
     text = str(fix_beacon(survey(BOX, BEACON, USUAL), FixSettings(gps_rms_m=3.0)))
+    assert text.startswith("SIMULATED: 4")
     assert "95 % ellipse" in text
     assert "depth 2" in text
-    assert str(fix_beacon(survey(BOX, BEACON).only(slice(0, 2)))).startswith("no fix: 2 usable pings")
+    assert str(fix_beacon(survey(BOX, BEACON).only(slice(0, 2)))).startswith(
+        "SIMULATED: no fix: 2 usable pings"
+    )
 
 
 @pytest.mark.parametrize("how", [{}, {"interval_s": 2.0}, {"motion": "free"}, {"estimate_sound_speed": True}])

@@ -171,7 +171,9 @@ def _judged(attempt: Attempt) -> BeaconFix:
     if fix.uncertainty is not None:
         slant_range = attempt.problem.slant_range(best.position)
         for instant in (0.0, 2 * attempt.motion.half_s)[: 1 + attempt.motion.moving]:
-            unseen = unseen or unseen_directions(fix.at(instant)[1], slant_range, track)
+            place, covariance = fix.at(instant)
+            below_m = track.centre[2] - place[2]
+            unseen = unseen or unseen_directions(covariance, slant_range, track, below_m)
     others = tuple(
         attempt.solution(other.position, worse)
         for other in candidates[1:]

@@ -96,7 +96,8 @@ def fix_experiments(pings: Pings, settings: FixSettings) -> BeaconFix:
         fix = replace(fix, alternatives=(_solution(heard, blank, other, rest),))
     slant_range = float(np.median(np.linalg.norm(fix.position - heard.ship[heard.heard], axis=1)))
     for instant in (0.0, float(heard.elapsed[-1])):
-        unseen = unseen_directions(fix.at(instant)[1], slant_range, track)
+        place, covariance = fix.at(instant)
+        unseen = unseen_directions(covariance, slant_range, track, track.centre[2] - place[2])
         if unseen:
             return replace(fix, converged=False, reason=unseen[-1].why, unobservable=unseen)
     if other is not None:

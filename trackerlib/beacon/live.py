@@ -294,7 +294,8 @@ class LiveFix:
             )
         widest = np.sqrt(np.linalg.eigvalsh(fix.present.covariance)[-1])
         if widest > UNSEEN_SHARE * slant_range:
-            why = f"the beacon can move by {widest:.0f} m one way within the noise; sail further, on another bearing"
+            moves = f"by {widest:.0f} m" if widest < slant_range else "farther than the ship is away"
+            why = f"the beacon can move {moves} one way within the noise; sail further, on another bearing"
             return replace(fix, converged=False, reason=why)
         return fix
 

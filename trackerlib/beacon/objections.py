@@ -70,6 +70,8 @@ def objection(
     if why := _moves(attempt, best, fix):
         return why
     if unseen := fix.unobservable:
+        if not unseen[-1].leg_helps:
+            return unseen[-1].why
         noise_s = np.hypot(fix.uncertainty.noise_s, _assumed_noise(attempt))
         return f"{unseen[-1].why}: {leg_that_helps(attempt.problem.only(best.keep), best.position[None], noise_s)}"
     if bias is not None and (why := _shifted(attempt, best, fix, bias)):

@@ -9,6 +9,9 @@ import numpy as np
 # A direction counts as unseen when its standard error exceeds this share of the slant range: the
 # linear picture behind any ellipse has broken down by then.
 UNSEEN_SHARE = 0.1
+LEVEL_SHARE = 0.02  # of the slant range: a beacon nearer to the hydrophone's depth is about level with it
+UPRIGHT = 0.9  # least cosine of the vertical and a direction that counts as depth
+ROUND_M = 10.0  # step of a depth that is advised
 STRAIGHT_SHARE = 0.03  # sideways spread over length of a track that may count as straight
 
 
@@ -18,6 +21,7 @@ class Unobservable:
 
     direction_enu: tuple[float, float, float]  # unit vector, east north up
     why: str
+    leg_helps: bool = True  # whether another leg of the ship would tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,18 +70,34 @@ def unseen_beside_line(track: StraightTrack) -> tuple[Unobservable, ...]:
     return Unobservable(tuple(track.across.tolist()), why), Unobservable((0.0, 0.0, 1.0), why)
 
 
-def unseen_directions(covariance, slant_range_m: float, track: StraightTrack) -> tuple[Unobservable, ...]:
+def unseen_directions(
+    covariance, slant_range_m: float, track: StraightTrack, below_m: float
+) -> tuple[Unobservable, ...]:
     """Directions whose standard error exceeds UNSEEN_SHARE of the slant range, with the reason.
 
     covariance : (3, 3) [m^2] east, north, up
+    below_m : the beacon below the hydrophone, negative above it
     """
     values, vectors = np.linalg.eigh(covariance)
     sigma = np.sqrt(np.maximum(values, 0))
     return tuple(
-        Unobservable(
-            tuple(vectors[:, k].tolist()),
-            f"the ship covered {track.length_m:.0f} m at {slant_range_m:.0f} m of slant range: the beacon can move "
-            f"by {sigma[k]:.0f} m this way within the noise; sail further, on another bearing",
-        )
+        _unseen(vectors[:, k], float(sigma[k]), slant_range_m, track, below_m)
         for k in np.flatnonzero(sigma > UNSEEN_SHARE * slant_range_m)
     )
+
+
+def _unseen(direction, sigma_m: float, slant_range_m: float, track: StraightTrack, below_m: float):
+    enu = tuple(direction.tolist())
+    if abs(direction[2]) > UPRIGHT and abs(below_m) < LEVEL_SHARE * slant_range_m:
+        lower_m = ROUND_M * np.ceil(UNSEEN_SHARE * slant_range_m / ROUND_M)
+        why = (
+            "the beacon lies about level with the hydrophone, where times hardly change with its depth; lower the "
+            f"hydrophone by {lower_m:.0f} m and hear more pings"
+        )
+        return Unobservable(enu, why, leg_helps=False)
+    moves = f"by {sigma_m:.0f} m" if sigma_m < slant_range_m else "farther than that"
+    why = (
+        f"the ship covered {track.length_m:.0f} m at {slant_range_m:.0f} m of slant range: the beacon can move "
+        f"{moves} this way within the noise; sail further, on another bearing"
+    )
+    return Unobservable(enu, why)
