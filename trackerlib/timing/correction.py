@@ -86,10 +86,6 @@ class TimingCorrection:
         bend = self.q_bend[0, 0] * d**2 + 2 * self.q_bend[0, 1] * d * m + self.q_bend[1, 1] * m**2
         return self.rms_after**2 + 2 * (self.q_slope[0] * d + self.q_slope[1] * m) + bend
 
-    def offset_at(self, point_count) -> np.ndarray:
-        """g(t) [s], eq. (4)."""
-        return self.offset_s + self.drift_s_per_count * (np.asarray(point_count, float) - self.t0)
-
     def __str__(self) -> str:
         plus = "" if self.sigma_offset_s is None else f" ± {1e3 * self.sigma_offset_s:.2g}"
         also = "" if self.sigma_drift_s_per_count is None else f" ± {1e3 * self.sigma_drift_s_per_count:.2g}"
