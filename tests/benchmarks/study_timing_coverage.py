@@ -19,7 +19,7 @@ from trackerlib.crossover.survey import ArraySurvey
 from trackerlib.simulation.crossover_runs import ClockTruth, simulate_crossover
 from trackerlib.timing.correction import fit_timing, stretches
 
-RUNS = 2000
+RUNS = 10_000
 CORRELATIONS = (0.0, 0.2)  # of the noise from one count to the next
 TRUTH = ClockTruth(2.5e-3, 1e-6, 30.0)
 NOISE_FT, WOBBLE_FT = 1.5, 0.4
