@@ -40,14 +40,37 @@ export function render({model, el}) {
     e.preventDefault(); e.stopPropagation();
     if (!e.repeat) model.send_msg(k);
   };
-  document.addEventListener('keydown', onKey, true);
+  // The number box of a slider takes a number only with the focus, which Enter ends for it though not for the page;
+  // and it writes its number anew as it gets the focus, so that what is typed would be added to that.
+  const isBox = (t) => isText(t) && t.getRootNode().querySelector('.MuiSlider-root') !== null;
+  const select = (t) => {
+    let frames = 12;
+    const step = () => {
+      if (frames-- <= 0) return;
+      if (t.selectionStart === t.selectionEnd) t.select();
+      requestAnimationFrame(step);
+    };
+    t.addEventListener('beforeinput', () => { frames = 0; }, {once: true});
+    requestAnimationFrame(step);
+  };
+  const onEnter = (e) => {
+    const t = target(e);
+    if (e.key === 'Enter' && isBox(t)) setTimeout(() => { t.blur(); t.focus(); select(t); });
+  };
+  const onTab = (e) => { if (e.key === 'Tab' && isBox(target(e))) select(target(e)); };
+  const onPress = (e) => {
+    const t = target(e);
+    if (isBox(t) && t.getRootNode().activeElement !== t) select(t);
+  };
+  const listeners = [['keydown', onKey], ['keydown', onEnter], ['keyup', onTab], ['pointerdown', onPress]];
+  for (const [kind, act] of listeners) document.addEventListener(kind, act, true);
   model.on('saved', () => {
     const link = document.createElement('a');
     link.href = URL.createObjectURL(new Blob([model.file_text], {type: 'text/plain;charset=utf-8'}));
     link.download = model.file_name; link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   });
-  model.on('remove', () => document.removeEventListener('keydown', onKey, true));
+  model.on('remove', () => { for (const [kind, act] of listeners) document.removeEventListener(kind, act, true); });
 }
 """
 

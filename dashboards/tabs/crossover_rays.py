@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import panel as pn
-import panel_material_ui as pmui
 
 from dashboards.pictures.radial_lines import RadialLines
 from dashboards.session import Session
 from dashboards.tabs.pages import fill, words
-from dashboards.tabs.tab import choice
+from dashboards.tabs.tab import TypedSlider, choice
 from trackerlib.acoustics.profile import SoundSpeedProfile
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
@@ -30,11 +29,9 @@ class RadialPage:
         self.session = session
         self.picture = RadialLines()
         self.what = choice("Lines of", {name: name for name in LIMIT_MS}, SET)
-        self.offset_ms = pmui.EditableFloatSlider(
-            label="Time given back to every transit (ms)", value=0.0, start=-10.0, end=10.0, step=0.01, size="small",
-            sizing_mode="stretch_width", margin=(2, 12),
-        )  # fmt: skip
-        self.offset_ms._debounce = 1  # ms that Panel waits for further changes, 50 unless told
+        self.offset_ms = TypedSlider(
+            "Time given back to every transit (ms)", LIMIT_MS[SET], 0.01, format="0.00"
+        )
         self.words = words()
         self.what.param.watch(lambda event: self.show(), "value")
         self.offset_ms.param.watch(lambda event: self._turned(), "value")

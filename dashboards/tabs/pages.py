@@ -20,7 +20,7 @@ class Pages(pn.Column):
         self.choice = pmui.RadioButtonGroup(
             options=list(pages), value=next(iter(pages)), size="small", margin=(2, 8), button_type="primary"
         )
-        self._pictures = pages
+        self._pictures, self._told = pages, []
         # In a column each: a bare figure, once shown, would not hide again.
         self.pages = {name: pn.Column(sizing_mode="stretch_both", margin=0) for name in pages}
         super().__init__(
@@ -35,10 +35,12 @@ class Pages(pn.Column):
         return self.choice.value
 
     def on_show(self, told: Callable[[], None]) -> None:
-        """Calls back whenever another picture comes in sight."""
-        self.choice.param.watch(lambda event: told(), "value")
+        """Calls back whenever another picture comes in sight, before it does."""
+        self._told.append(told)
 
     def _show(self) -> None:
+        for told in self._told:  # first: a table that the page is building misses what changes meanwhile
+            told()
         for name, page in self.pages.items():
             page.visible = name == self.choice.value
             if page.visible and not len(page):

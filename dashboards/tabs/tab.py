@@ -211,6 +211,24 @@ def choice(label: str, names: dict, value):
     )
 
 
+class TypedSlider(pmui.EditableFloatSlider):
+    """A slider whose number can also be typed; every step of a drag is painted."""
+
+    value = param.Number(default=0.0, allow_None=True, doc="None for a moment where the box was emptied")
+
+    def __init__(self, label: str, limit: float, step: float, **options):
+        super().__init__(
+            label=label, start=-limit, end=limit, step=step, size="small", sizing_mode="stretch_width",
+            margin=(2, 12), **options,
+        )  # fmt: skip
+        self._debounce = 1  # ms that Panel waits for further changes, 50 unless told
+        self.param.watch(self._keep, "value")
+
+    def _keep(self, event) -> None:
+        if event.new is None:
+            self.value = event.old
+
+
 class Results(pn.Column):
     """Place of a small table, empty until `show` puts one there."""
 

@@ -13,7 +13,7 @@ from dashboards.pictures.track_views import TrackViews
 from dashboards.session import same_set
 from dashboards.tabs.crossover_words import doubts_words
 from dashboards.tabs.pages import Pages, above, button, fill, words
-from dashboards.tabs.tab import Tab, alone, choice, heading
+from dashboards.tabs.tab import Tab, TypedSlider, alone, choice, heading
 from dashboards.tabs.timing_apply import ApplyPage
 from dashboards.tabs.timing_causes import CausesPage
 from dashboards.tabs.timing_constancy import ConstancyPage
@@ -69,8 +69,8 @@ class TimingTab(Tab):
         self.chosen = choice("Set", {}, None)
         self.chosen.margin = (10, 8, 5, 8)
         self.chosen.param.watch(lambda event: self._choose(event.new), "value")
-        self.offset_ms = _slider("Offset (ms)", OFFSET_LIMIT_MS, 0.001, "0.000")
-        self.drift_ms = _slider("Drift (ms per count)", DRIFT_LIMIT_MS, 0.0001, "0.0000")
+        self.offset_ms = TypedSlider("Offset (ms)", OFFSET_LIMIT_MS, 0.001, format="0.000")
+        self.drift_ms = TypedSlider("Drift (ms per count)", DRIFT_LIMIT_MS, 0.0001, format="0.0000")
         for slider in (self.offset_ms, self.drift_ms):
             slider.param.watch(lambda event: self._turned(), "value")
         self.fit = button("Fit", self._fit, variant="contained", margin=(6, 4, 2, 8))
@@ -175,7 +175,9 @@ class TimingTab(Tab):
     def _show_page(self) -> None:
         """Brings the page in sight up to date."""
         shown = self.pages.shown
-        if shown == PROFILE:
+        if shown == Q:
+            self.q.move(self.offset_ms.value, self.drift_ms.value)
+        elif shown == PROFILE:
             self.profile_page.show()
         elif shown == CONSTANCY:
             self.constancy.show(self.sets_page.verdict, self.run_words.object)
@@ -302,16 +304,6 @@ class TimingTab(Tab):
             pairs = zip(session.gating.sets, session.fits, strict=True)
             answers = [document(one.source, one, fit) for one, fit in pairs if fit is not None]
         return "offsets.csv", label + offsets_csv(answers, *session.day_and_run)
-
-
-def _slider(label: str, limit: float, step: float, digits: str):
-    """A slider whose number can also be typed; every step of a drag is painted."""
-    slider = pmui.EditableFloatSlider(
-        label=label, value=0.0, start=-limit, end=limit, step=step, format=digits, size="small",
-        sizing_mode="stretch_width", margin=(2, 12),
-    )  # fmt: skip
-    slider._debounce = 1  # ms that Panel waits for further changes, 50 unless told
-    return slider
 
 
 alone(__name__, "dashboards.tabs.timing:TimingTab")

@@ -39,6 +39,7 @@ class ProfilePage:
         self.table = pn.widgets.Tabulator(
             pd.DataFrame({DEPTH: [], SPEED: []}), show_index=False, sizing_mode="stretch_both", theme="simple",
             layout="fit_columns", stylesheets=[TABLE], margin=(4, 4), min_height=80,
+            configuration={"columnDefaults": {"headerSort": False}},  # a profile has one order
         )  # fmt: skip
         self.table.on_edit(lambda event: self._typed())
         self.views.points.on_change("data", lambda attr, old, new: self._dragged())
@@ -142,8 +143,10 @@ class ProfilePage:
             self.show()
             return
         self.session.edit(profile=changed)
+        self.session.say("The profile is changed; Ctrl+Z undoes")
 
     def restore(self) -> None:
         """Takes the profile as it was opened."""
         if self.opened is not None and self.session.profile is not self.opened:
             self.session.edit(profile=self.opened)
+            self.session.say("The profile is as it was opened; Ctrl+Z undoes")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pandas as pd
 import panel as pn
 from bokeh.models.widgets.tables import NumberFormatter
@@ -12,6 +11,7 @@ from dashboards.session import Session, same_set
 from dashboards.tabs.pages import above, fill
 from dashboards.tabs.tab import TABLE, Results
 from dashboards.tabs.timing_words import run_sentence
+from trackerlib.rounding import value_with_sigma
 from trackerlib.timing.correction import TimingCorrection
 from trackerlib.timing.one_run import RunVerdict, judge_run
 
@@ -35,6 +35,16 @@ def _formats() -> dict:
     }
 
 
+class SetsTable(pn.widgets.Tabulator):
+    """A table that the page alone sorts.
+
+    Panel 1.9.4 sorts its copy of the rows too, but not those that the page has; what is then selected is another row.
+    """
+
+    def _sort_df(self, df: pd.DataFrame) -> pd.DataFrame:
+        return df
+
+
 class SetsPage:
     """The table, the pivot and the picture, linked: what is chosen in one is the set everywhere."""
 
@@ -43,11 +53,13 @@ class SetsPage:
         self.by_time = OffsetsByTime()
         self.by_time.source.selected.on_change("indices", lambda attr, old, new: self._clicked(new))
         self.verdict: RunVerdict | None = None
-        self.table = pn.widgets.Tabulator(
+        self.table = SetsTable(
             table_of_sets((), ()), show_index=False, disabled=True, sizing_mode="stretch_both", theme="simple",
             layout="fit_columns", stylesheets=[TABLE], margin=(4, 4), min_height=60, formatters=_formats(),
+            selectable=1,
         )  # fmt: skip
-        self.table.on_click(lambda event: self._choose(int(self.table.value.index[event.row])))
+        # Not on_click: once the page has sorted the rows, it tells of no click any more.
+        self.table.param.watch(lambda event: self._selected(event.new), "selection")
         self.pivot = Results()
         by_pair = pn.Column(self.pivot, scroll="y", sizing_mode="stretch_both", margin=0)
         self.pane = above(self.table, by_pair, fill(self.by_time.figure), sizes=(52, 48))
@@ -83,6 +95,10 @@ class SetsPage:
         if rows:
             self._choose(int(self.by_time.source.data["row"][rows[0]]))
             self.by_time.source.selected.indices = []
+
+    def _selected(self, places: list[int]) -> None:
+        if places:
+            self._choose(int(self.table.value.index[places[0]]))
 
     def _choose(self, row: int) -> None:
         chosen = self.session.gating.sets[row]
@@ -122,14 +138,16 @@ def _row(one, fit: TimingCorrection) -> list:
 
 
 def table_of_pairs(sets, fits) -> pd.DataFrame:
-    """Offsets (ms) by pair, a column a pass."""
+    """Offsets (ms) with their sigmas by pair, a column a pass."""
     passes = sorted({one.pass_number for one in sets})
     rows: dict[str, dict] = {}
     for one, fit in zip(sets, fits, strict=True):
         name = "{}-{}".format(*one.pair)
-        cells = rows.setdefault(name, {"pair": name} | {f"pass {k} (ms)": None for k in passes})
+        cells = rows.setdefault(name, {"pair": name} | {f"pass {k} (ms)": "" for k in passes})
         if fit is not None and fit.points:
-            sigma = np.nan if fit.sigma_offset_s is None else 1e3 * fit.sigma_offset_s
-            digits = 3 if not np.isfinite(sigma) or sigma < 0.1 else 2
-            cells[f"pass {one.pass_number} (ms)"] = round(1e3 * fit.offset_s, digits)
+            cells[f"pass {one.pass_number} (ms)"] = (
+                f"{1e3 * fit.offset_s:.3f}"
+                if fit.sigma_offset_s is None
+                else value_with_sigma(1e3 * fit.offset_s, 1e3 * fit.sigma_offset_s, "").strip()
+            )
     return pd.DataFrame(list(rows.values()))

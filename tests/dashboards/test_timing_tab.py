@@ -181,12 +181,35 @@ def test_a_click_on_an_offset_chooses_its_set_everywhere(tab):
     assert tab.sets_page.table.value["pair"].iloc[row] == "{}-{}".format(*chosen.pair)
 
 
+def test_a_click_in_the_table_chooses_its_set_however_it_is_sorted(tab):
+    table = tab.sets_page.table
+    for sorters in ([], [{"field": "offset (ms)", "dir": "asc"}]):
+        table._process_events({"sorters": sorters})
+        for row in (7, 11):
+            table._process_events(
+                {"indices": [row]}
+            )  # as the page tells it: in the order of the data it was sent
+            shown = tab.session.crossover
+            assert table.value["pair"].iloc[row] == "{}-{}".format(*shown.pair)
+            assert table.value["pass"].iloc[row] == shown.pass_number
+    table._process_events({"sorters": []})
+
+
+def test_an_emptied_box_gets_its_number_back(tab):
+    before = tab.offset_ms.value
+    tab.offset_ms.value = None
+    assert tab.offset_ms.value == before
+    assert not tab.session.failed
+
+
 def test_offsets_by_pair_stand_beside_each_other(tab):
     frame = tab.sets_page.pivot.frame.set_index("pair")
     by_set = {
         (s.pair, s.pass_number): f for s, f in zip(tab.session.gating.sets, tab.session.fits, strict=True)
     }
-    assert frame.loc["2-11", "pass 2 (ms)"] == pytest.approx(1e3 * by_set[((2, 11), 2)].offset_s, abs=6e-4)
+    offset, sigma = map(float, frame.loc["2-11", "pass 2 (ms)"].split("±"))
+    assert offset == pytest.approx(1e3 * by_set[((2, 11), 2)].offset_s, abs=6e-4)
+    assert sigma == pytest.approx(1e3 * by_set[((2, 11), 2)].sigma_offset_s, abs=6e-4)
 
 
 def test_causes_of_one_set_alone(tab):
@@ -228,6 +251,7 @@ def test_a_dragged_point_of_the_profile_is_an_edit(tab):
     assert tab.session.profile.speed == pytest.approx(before.speed + 40.0)
     assert tab.session.correction.offset_s != offset
     assert "edited here" in tab.profile_page.words.object
+    assert "Ctrl+Z undoes" in tab.session.message
     tab.session.undo()
     assert tab.session.profile is before
     assert tab.session.correction.offset_s == pytest.approx(offset)

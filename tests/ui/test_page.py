@@ -83,6 +83,36 @@ def test_a_click_in_the_legend_hides_a_track_and_shows_it_again(server, open_pag
     assert record.errors == []
 
 
+def test_numbers_are_typed_into_a_slider_one_after_the_other(server, open_page):
+    page, record = open_page(server.url)
+    show(page, "Timing")
+    slider, boxes = page.get_by_role("slider", name="Offset (ms)"), page.locator("input[type=text]:visible")
+    boxes.first.click()
+    for typed, at in (("3.5", "3.5"), ("2.25", "2.25"), ("", "2.25"), ("-1", "-1")):
+        page.wait_for_timeout(700)
+        page.keyboard.type(typed) if typed else page.keyboard.press("Delete")
+        page.keyboard.press("Enter")
+        expect(slider).to_have_attribute("aria-valuenow", at, timeout=5_000)
+    assert record.errors == []
+
+
+def test_a_set_is_chosen_in_the_sorted_table_and_the_profile_is_filled(server, open_page):
+    page, record = open_page(server.url)
+    show(page, "Timing")
+    page.get_by_role("button", name="Profile", exact=True).click()
+    expect(page.locator(".tabulator-row:visible").first).to_be_visible(timeout=10_000)
+    page.get_by_role("button", name="Sets", exact=True).click()
+    header = page.locator(".tabulator-col:visible", has_text="after")
+    header.click()
+    expect(header).to_have_attribute("aria-sort", "ascending")
+    row = page.locator(".tabulator-row:visible").nth(3)
+    pair = row.locator(".tabulator-cell:visible").first.inner_text()
+    row.click()
+    first, second = pair.split("-")
+    expect(page.get_by_text(f"as arrays {first} and {second} saw it").first).to_be_visible(timeout=10_000)
+    assert record.errors == []
+
+
 def test_the_line_pointed_at_shows_the_ship_on_the_map(server, open_page):
     page, record = open_page(server.url)
     show(page, "Wet-paper chart")
