@@ -162,6 +162,7 @@ class Session(param.Parameterized):
         if not self._past:
             self.say("Nothing to undo")
             return
+        self.say("Undone; Ctrl+Shift+Z does it again")
         self._future.append(self._past.pop())
         self.param.update(**self._future[-1]["before"])
 
@@ -170,6 +171,7 @@ class Session(param.Parameterized):
         if not self._future:
             self.say("Nothing to redo")
             return
+        self.say("Done again; Ctrl+Z undoes")
         self._past.append(self._future.pop())
         self.param.update(**self._past[-1]["after"])
 

@@ -45,10 +45,10 @@ class NoiseViews:
         rings = ColumnDataSource({"xs": [], "ys": [], "ink": []}, name="ellipses")
         fig.multi_line("xs", "ys", source=rings, line_color="ink", line_width=2)
         labels = ("first array", "second array")
-        for letter, ink, label in zip("xy", INKS, labels, strict=True):
+        for letter, ink, label, mark in zip("xy", INKS, labels, ("circle", "square"), strict=True):
             dots = fig.scatter(
-                f"r{letter}{across}", f"r{letter}{up}", source=points, size=4, color=ink, line_color=None,
-                alpha=0.7, nonselection_alpha=0.1,
+                f"r{letter}{across}", f"r{letter}{up}", source=points, size=4, marker=f"mark{letter}",
+                fill_color=f"ink{letter}", line_color=f"edge{letter}", alpha=0.7, nonselection_alpha=0.1,
             )  # fmt: skip
             fig.add_tools(
                 HoverTool(
@@ -56,7 +56,7 @@ class NoiseViews:
                     tooltips=[("count", "@count"), ("line", f"@line{letter}"), ("", "@used")],
                 )
             )
-            legend_entry(fig, label, [dots], color=ink, size=6)
+            legend_entry(fig, label, [dots], color=ink, size=6, marker=mark)
         legend_entry(fig, "gap, first less second: M", [], line=True, line_color=ESTIMATE, line_width=2)
         style_legend(fig)
         return fig

@@ -33,7 +33,10 @@ class QContours:
         blank, levels = np.array([[0.0, 1.0], [0.0, 1.0]]), np.linspace(0.05, 0.95, LEVELS).tolist()
         self.drawn = fig.contour([0, 1], [0, 1], blank, levels, line_color=BEFORE)
         self.words = ColumnDataSource({"x": [], "y": [], "words": []})
-        fig.text("x", "y", "words", source=self.words, text_font_size="10px", text_color=BEFORE, x_offset=3)
+        fig.text(
+            "x", "y", "words", source=self.words, text_font_size="10px", text_color=BEFORE, text_align="right",
+            x_offset=-3,
+        )  # fmt: skip
         self.ring = ColumnDataSource({"x": [], "y": []}, name="ellipse")
         self.best = ColumnDataSource({"x": [], "y": []}, name="estimate")
         self.now = ColumnDataSource({"x": [], "y": []}, name="sliders")

@@ -41,8 +41,9 @@ AXIS_NAMES = ("downrange", "crossrange", "vertical")
 REPORTED = "as reported"
 GAP = "gap"
 VERSIONS = (("x", FIRST_ARRAY, "first array", "circle"), ("y", SECOND_ARRAY, "second array", "square"))
-# What a point left out changes: its word, and for either version its mark, its colour and that of its outline.
-LOOK_COLUMNS = ("used", "markx", "marky", "inkx", "inky", "edgex", "edgey")
+# What a point left out changes: its word, for either version its mark, its colour and that of its outline, and for the
+# gap its mark and the colour of each component.
+LOOK_COLUMNS = ("used", "markx", "marky", "inkx", "inky", "edgex", "edgey", "markg", "ink0", "ink1", "ink2")
 # What sliders move is painted over the rest, by itself: Bokeh then leaves axes and grids as they are.
 MOVING = "overlay"
 # Bokeh keeps an empty element about the points of each renderer, and at every paint a style sheet of its place. Out of
@@ -159,13 +160,14 @@ class TrackViews:
             x_range=Range1d(0, 1000),
             y_range=Range1d(-10, 10),
         )
-        for column, label, colour in zip(GAP_COLUMNS, AXIS_NAMES, COMPONENTS, strict=True):
+        for k, (column, label, colour) in enumerate(zip(GAP_COLUMNS, AXIS_NAMES, COMPONENTS, strict=True)):
             dots = fig.scatter(
                 "count",
                 column,
                 source=self.points,
                 size=5,
-                color=colour,
+                marker="markg",
+                color=f"ink{k}",
                 line_color=None,
                 nonselection_fill_alpha=0.15,
                 level=MOVING,
@@ -322,7 +324,12 @@ def _looks(excluded: np.ndarray, why=None) -> dict:
         columns[f"mark{letter}"] = np.where(excluded, "x", marker)
         columns[f"ink{letter}"] = np.where(excluded, _rgba(REJECTED), _rgba(colour))
         columns[f"edge{letter}"] = np.where(excluded, _rgba(REJECTED), np.uint32(0))
-    return columns
+    columns["markg"] = np.where(
+        excluded, "plus", "circle"
+    )  # a cross that is filled, for the gap has no outlines
+    return columns | {
+        f"ink{k}": np.where(excluded, _rgba(REJECTED), _rgba(colour)) for k, colour in enumerate(COMPONENTS)
+    }
 
 
 def _rgba(colour: str) -> np.uint32:
@@ -339,7 +346,9 @@ def _beside(crossover: CrossoverSet, places, residuals) -> dict:
         away = unknown if places is None else track - places[k]
         columns[f"range{k}"] = np.linalg.norm(away, axis=1).astype("f4")
     columns["depth"] = (-crossover.x[:, 2]).astype("f4")
-    columns["heading"] = np.degrees(heading_of(crossover.x, crossover.point_count)).astype("f4")
+    heading = np.exp(1j * heading_of(crossover.x, crossover.point_count))
+    middle = np.angle(np.nansum(heading))  # about which 180° and -180° lie side by side
+    columns["heading"] = np.degrees(middle + np.angle(heading * np.exp(-1j * middle))).astype("f4")
     first, second = (unknown, unknown) if residuals is None else residuals
     for letter, residual in (("x", first), ("y", second)):
         columns |= {f"r{letter}{k}": residual[:, k].astype("f4") for k in range(3)}

@@ -15,7 +15,6 @@ from trackerlib import __version__
 from trackerlib.crossover.gating import gate_mode_and_flag
 from trackerlib.rangefiles.corrected_tfile import corrected_copy
 from trackerlib.rangefiles.run_track_file import hand_overs_csv, run_track_csv
-from trackerlib.rounding import value_with_sigma
 from trackerlib.timing.one_run import RunVerdict
 from trackerlib.timing.run_track import RunTrack, correct_run
 from trackerlib.timing.track_correction import correct_reports
@@ -91,7 +90,7 @@ class ApplyPage:
         before, after = found.mean_jump
         missed, alone = int((~found.reached).sum()), int((found.arrays == 1).sum())
         self.words.object = (
-            f"With {clock_words(*clock)} applied to all {len(found.reports)} positions, {alone} "
+            f"With {clock_words(*clock, decimals=3)} applied to all {len(found.reports)} positions, {alone} "
             f"of {len(found.track)} point counts seen by one array alone, <b>the step where one array hands the track "
             f"to the next shrinks from {before:.1f} to {after:.1f} ft</b> (root mean square of "
             f"{len(found.hand_overs)} hand-overs)."
@@ -128,9 +127,9 @@ class ApplyPage:
         return io.BytesIO(copy.content)
 
 
-def clock_words(offset_s: float, drift_s_per_count: float, t0: float) -> str:
-    """An offset and a drift in one phrase."""
-    words_ = f"an offset of {value_with_sigma(1e3 * offset_s, None, 'ms')}"
+def clock_words(offset_s: float, drift_s_per_count: float, t0: float, *, decimals: int = 6) -> str:
+    """An offset and a drift in one phrase, the offset in ms with so many decimals."""
+    words_ = f"an offset of {1e3 * offset_s:.{decimals}f} ms"
     if drift_s_per_count:
         words_ += f" at count {t0:.1f} and a drift of {1e3 * drift_s_per_count:.3g} ms a count"
     return words_

@@ -63,7 +63,8 @@ class ConstancyPage:
         if verdict is None:
             self.arrays.clear()
         else:
-            self.arrays.show(table_of_arrays(verdict), 20)
+            wrapped = {"drift (ms/count)": {"type": "textarea"}}
+            self.arrays.show(table_of_arrays(verdict), 20, formatters=wrapped)
         self._remember()
         options = {SESSION: SESSION, REPORT: REPORT}
         if self.session.offsets is not None:

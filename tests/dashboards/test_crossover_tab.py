@@ -8,6 +8,7 @@ from range_demo import as_opened, opened_tab
 
 from dashboards.pictures.noise_views import ellipse
 from dashboards.pictures.range_plan import overlap
+from dashboards.pictures.track_views import TrackViews
 from dashboards.session import Session
 from dashboards.tabs.crossover import CrossoverTab, straight_lines
 from dashboards.tabs.crossover_rays import EXAMPLE, EXAMPLE_OFFSET_MS, SET
@@ -257,6 +258,15 @@ def test_the_gap_is_drawn_against_range_depth_and_heading(tab):
     tab.against.value = "point count"
 
 
+def test_headings_on_both_sides_of_180_degrees_lie_side_by_side():
+    views = TrackViews()
+    count = np.arange(1, 31)
+    track = np.column_stack([-50.0 * count, 0.3 * (-1.0) ** count, np.full(30, -300.0)])
+    views.show(CrossoverSet((1, 2), count, track, track + 1.0))
+    assert np.abs(views.points.data["heading"]).min() > 170
+    assert np.ptp(views.points.data["heading"]) < 5
+
+
 def test_gap_vectors_reach_from_the_first_version_towards_the_second(tab):
     vectors, crossover = tab.views.vectors.data, tab.session.crossover
     assert vectors["end1"] - vectors["begin1"] == pytest.approx(-10 * crossover.gap[:, 1], abs=0.1)
@@ -287,11 +297,17 @@ def test_points_are_excluded_with_a_reason_and_put_back(tab):
     tab.editing.exclude_button.clicks += 1
     assert drawn(tab)["used"][[1, 5]].tolist() == ["left out: vehicle turning"] * 2
     assert drawn(tab)["markx"][1] == "x"
+    marks = drawn(tab)["markg"], *(drawn(tab)[f"ink{k}"] for k in range(3))  # of the gap
+    for column in marks:
+        assert column[1] == column[5] != column[2]
+    assert {dots.glyph.marker for dots in tab.views._gap_dots} == {"markg"}
     assert "2 points are left out by hand" in tab.words.object
     assert "vehicle turning" in tab.editing.list.object
     session.undo()
+    assert session.message.startswith("Undone")
     assert "left out by hand" not in tab.words.object
     session.redo()
+    assert session.message.startswith("Done again")
     tab.views.points.selected.indices = [5, 6]
     tab.editing.restore_button.clicks += 1
     assert session.left_out(session.crossover).nonzero()[0].tolist() == [1]
