@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from trackerlib.live.navigation_file import SENTENCE
+from trackerlib.rangefiles.range_profile import FEET_PER_METRE
 from trackerlib.rangefiles.tfile import NEARLY_RECORD
 from trackerlib.rangefiles.velocity_file import SPEED_LIMITS
 
@@ -32,7 +33,7 @@ def kind_of(lines: list[str]) -> str:
         return "crossover"
     if any(_is_record(line) for line in lines[:400]):
         return "tfile"
-    if rows and all(len(row) == 2 and _is_speed_ftps(row[1]) for row in rows):
+    if rows and all(len(row) == 2 and _is_speed(row[1]) for row in rows):
         return "velocity"
     if "array" in head or all(len(line.replace(",", " ").split()) in (4, 5) for line in lines[:3]):
         return "arrays"
@@ -45,8 +46,10 @@ def _is_record(line: str) -> bool:
     return whole or bool(NEARLY_RECORD.match(line) and len(line) >= 67)
 
 
-def _is_speed_ftps(text: str) -> bool:
+def _is_speed(text: str) -> bool:
+    """Whether a number is a speed of sound in feet per second, or in metres, which the reader then asks about."""
     try:
-        return SPEED_LIMITS[0] <= float(text) <= SPEED_LIMITS[1]
+        speed = float(text)
     except ValueError:
         return False
+    return any(SPEED_LIMITS[0] <= one <= SPEED_LIMITS[1] for one in (speed, speed * FEET_PER_METRE))

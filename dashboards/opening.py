@@ -242,7 +242,12 @@ class Opening:
             self._session.jobs.start(f"Opening {name}", read, done)
 
     def _velocity(self, content: bytes, name: str) -> None:
-        reading = parse_velocity(content, name)
+        try:
+            reading = parse_velocity(content, name)
+        except InputError as error:
+            if "metres" not in str(error):
+                raise
+            raise InputError(f"{error}. The tab Timing, Profile, opens one in metres") from None
         self._session.edit(profile=reading.profile)
         profile = reading.profile
         self._told(name, f"sound speed of {len(profile.depth)} layers", reading.bad_records, profile.notes)

@@ -76,7 +76,9 @@ def sentence(crossover, correction: TimingCorrection) -> str:
 
 
 def numbers(correction: TimingCorrection) -> str:
-    """The numbers of a correction, as an HTML table."""
+    """The numbers of a correction, as an HTML table; nothing where no point is left to tell them."""
+    if not correction.points:
+        return ""
     drift_sigma = (
         None if correction.sigma_drift_s_per_count is None else 1e3 * correction.sigma_drift_s_per_count
     )

@@ -14,6 +14,7 @@ from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.rangefiles.crossover_file import crossover_file_name, crossover_text
 from trackerlib.rangefiles.run_track_file import hand_overs_csv, run_track_csv
 from trackerlib.rangefiles.tfile import parse_tfile
+from trackerlib.textfiles import InputError
 from trackerlib.timing.correction import corrected_tracks, fit_timing, stretches
 
 
@@ -278,6 +279,13 @@ def test_an_uploaded_profile_in_metres_is_asked_about(tab):
     assert tab.session.profile.depth[-1] == pytest.approx(1640.4, abs=0.1)
 
 
+def test_a_profile_in_metres_that_is_opened_by_the_menu_is_told_where_to_open(tab):
+    before = tab.session.profile
+    with pytest.raises(InputError, match="Timing, Profile"):
+        tab.session.open_file("VELOCITY.DAT", b"0 1488\n10 1487\n20 1486\n")
+    assert tab.session.profile is before
+
+
 def test_a_profile_that_ends_above_an_array_is_told_beside_the_offset(tab):
     assert "the profile ends" not in tab.words.object.lower()
     tab.profile_page.layout.value = "boundary"
@@ -344,6 +352,7 @@ def test_all_points_left_out_is_a_sentence(tab):
     rows = range(session.crossover.points)
     session.edit(edits=session.edits.exclude(session.crossover, rows, session.gating.mode, "all"))
     assert "No offset can be told" in tab.words.object
+    assert tab.numbers.object == ""
     assert not session.failed, session.message
     session.undo()
     assert "Transit times were too short" in tab.words.object
