@@ -319,7 +319,13 @@ class Workbench:
                 sources.append((pings.source, pings.simulated))
             if tfile is not None:
                 sources.append((tfile.reports.source, tfile.simulated))
-            return " &nbsp; ".join(html.escape(name) + badge * simulated for name, simulated in sources)
+            return " &nbsp; ".join(
+                short(html.escape(name)) + badge * simulated for name, simulated in sources
+            )
+
+        def short(name):
+            style = "display:inline-block;vertical-align:bottom;max-width:300px;overflow:hidden;text-overflow:ellipsis"
+            return f'<span style="{style}" title="{name}">{name}</span>'
 
         return pn.pane.HTML(
             pn.bind(text, session.param.pings, session.param.tfile),
@@ -331,9 +337,10 @@ class Workbench:
         session = self.session
 
         def words(message, failed, work):
-            colour = "color:#C62828;font-weight:600" if failed else ""
+            mark = "border-left:4px solid #C62828;padding-left:8px;font-weight:600" if failed else ""
             running = f"<b>{html.escape(work)}</b> &nbsp; " if work else ""
-            return f'{running}<span style="{colour}" role="status">{html.escape(message)}</span>'
+            message = html.escape(message)
+            return f'{running}<span style="{mark}" role="status" title="{message}">{message}</span>'
 
         cancel = pmui.Button(
             label="Cancel",
