@@ -219,11 +219,14 @@ class Opening:
         def done(tfile: TFileReading) -> None:
             session = self._session
             session.tfile_content = content
-            own = tfile.profile()
+            own, before = tfile.profile(), session.profile
+            notes = () if own is None else own.notes
+            if own is not None and before is not None and before.name != own.name:
+                notes = (*notes, f"the profile in its head takes the place of {before.name}")
             session.param.update(
                 tfile=tfile, profile=own or session.profile, keep_lines=(), campaign=None, campaign_run=None
             )
-            self._told_reports(tfile, name, () if own is None else own.notes)
+            self._told_reports(tfile, name, notes)
             session.gate()
 
         self._read_tfile(content, name, None, done)

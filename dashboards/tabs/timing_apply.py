@@ -111,6 +111,10 @@ class ApplyPage:
         if self.run is None:
             self.apply()
         run, simulated = self.run, self.session.simulated
+        if run is not None:
+            self.session.say(
+                f"{len(run.track)} point counts, {len(run.hand_overs)} hand-overs: saved to your downloads"
+            )
         return io.BytesIO(b"" if run is None else written(run, self.provenance(), simulated).encode())
 
     def tfile_copy(self) -> io.BytesIO:

@@ -188,3 +188,11 @@ def test_another_transponder_of_a_survey_is_chosen_in_the_head():
     assert (len(session.pings), session.transponder, choice.pane.value) == (6, "M12", "M12")
     session.open_beacon_demo()
     assert not choice.pane.visible
+
+
+def test_a_profile_that_a_tfile_replaces_is_named(data):
+    session = Session()
+    for name in ("VELOCITY.DAT", "tfile.dat"):
+        session.open_file(name, (data / "range-demo" / name).read_bytes())
+    assert "takes the place of VELOCITY.DAT" in session.message
+    assert session.profile.name != "VELOCITY.DAT"
