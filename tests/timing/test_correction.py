@@ -143,7 +143,7 @@ def test_without_noise_the_truth_comes_back(name):
 def test_stated_sigmas_are_true(correlation):
     """Bias below 0.002 ms and 95 % intervals that hold 94 to 96 %, of noise that hangs together in time too.
 
-    The report's formula alone holds 89 % of the latter; tests/benchmarks/study_timing_coverage.py has 10,000 runs a line.
+    The report's formula alone holds 88 % of the latter; tests/benchmarks/study_timing_coverage.py has more runs.
     """
     truth, runs, inside = ClockTruth(2.5e-3, 1e-6, 30.0), 250, np.zeros(2)
     for k, track in enumerate(GEOMETRIES.values()):
