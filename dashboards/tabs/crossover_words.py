@@ -40,7 +40,8 @@ def sentence(crossover: CrossoverSet, gating: GatingResult, simulated: bool, lef
     kept = crossover.only(~left_out)
     if not kept.points:
         return words + " nothing, for every point is left out by hand. Restore some to go on."
-    far = int(summarise_gap(kept).far.sum())
+    lies_far = summarise_gap(kept).far
+    far = int(lies_far.sum())
     words += gap_table(kept)
     if left_out.any():
         words += f"{counted(int(left_out.sum()), 'is', 'are')} left out by hand. "
@@ -49,9 +50,23 @@ def sentence(crossover: CrossoverSet, gating: GatingResult, simulated: bool, lef
         words += f"{counted(far, 'lies', 'lie')} far off (grey crosses) and {does} not count in the lines. "
     if crossover.points < MIN_POINTS:
         words += f"So few points tell no noise: that takes {MIN_POINTS}. "
-    if any(is_curved(track, kept.point_count) for track in (kept.x, kept.y)):
-        words += "The vehicle turns or changes speed here: a straight line is no model of this track."
-    return words
+    return words + _bent_words(kept.only(~lies_far))
+
+
+def _bent_words(crossover: CrossoverSet) -> str:
+    """Which versions of a track a straight line is no model of, and why that may be; nothing where none bends."""
+    bent = [
+        number
+        for number, track in zip(crossover.pair, (crossover.x, crossover.y), strict=True)
+        if is_curved(track, crossover.point_count)
+    ]
+    if not bent:
+        return ""
+    whose = f"Array {bent[0]}'s version bends" if len(bent) == 1 else "Both versions bend"
+    return (
+        f"{whose}: a straight line is no model of the track as reported. The vehicle turns or changes speed here, or "
+        "its clock's offset bends what an array near the track reports; Timing tells which."
+    )
 
 
 def doubts_words(

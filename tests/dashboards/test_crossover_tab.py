@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from range_demo import as_opened, opened_tab
@@ -12,6 +14,7 @@ from dashboards.pictures.track_views import TrackViews
 from dashboards.session import Session
 from dashboards.tabs.crossover import CrossoverTab, straight_lines
 from dashboards.tabs.crossover_rays import EXAMPLE, EXAMPLE_OFFSET_MS, SET
+from dashboards.tabs.crossover_words import sentence
 from trackerlib.crossover.edits import PointEdits
 from trackerlib.crossover.noise import autocorrelation
 from trackerlib.crossover.pairs import CrossoverSet
@@ -381,3 +384,24 @@ def test_a_repeat_can_be_chosen_the_other_way(tab):
     assert after.kept_line == before.dropped_lines[0]
     tab.session.undo()
     assert tab.session.gating.choices[0].kept_line == before.kept_line
+
+
+def test_a_bend_is_told_with_both_its_causes_and_a_far_point_makes_none():
+    rng, count = np.random.default_rng(3), np.arange(60)
+    straight = np.column_stack([50.0 * count, 2.0 * count, np.full(60, -400.0)])
+    x, y = straight + rng.normal(size=(2, 60, 3))
+    x[20] += [0.0, 400.0, 0.0]
+    assert bent_words(x, y) == ""
+    turning = straight + np.column_stack([np.zeros(60), 0.02 * (count - 30.0) ** 2, np.zeros(60)])
+    words = bent_words(x, turning + rng.normal(size=(60, 3)))
+    assert words.startswith("Array 2's version bends")
+    assert "turns or changes speed" in words
+    assert "clock's offset" in words
+
+
+def bent_words(x, y):
+    """What the tab says of bends after the gaps of a set of arrays 1 and 2."""
+    crossover = CrossoverSet((1, 2), np.arange(len(x)), x, y)
+    gating = SimpleNamespace(sets=(crossover,), mode=7)
+    words = sentence(crossover, gating, False, np.zeros(len(x), bool))
+    return words.partition("in the lines. ")[2]
