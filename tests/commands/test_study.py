@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import signal
+import threading
 import time
 from pathlib import Path
 from xml.etree import ElementTree
@@ -134,6 +135,15 @@ def test_two_speeds_of_the_ship_stay_apart_in_table_pages_and_resuming(tmp_path,
     assert all(f"ship at {page.stem[-4]} m/s" in page.read_text() for page in pages)
 
 
+@pytest.fixture
+def interruptible():
+    """Ctrl-C interrupts, though a shell that starts the tests in the background has it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_keeps_the_whole_rows_and_says_how_to_go_on(tmp_path, capsys, monkeypatch):
     calls = itertools.count(1)
 
@@ -141,7 +151,8 @@ def test_an_interrupt_keeps_the_whole_rows_and_says_how_to_go_on(tmp_path, capsy
         if next(calls) == 10:  # two threads call: each has a number of its own
             while (tmp_path / "study.csv").read_text().count("\n") < 4:  # another thread writes the rows
                 time.sleep(0.01)
-            signal.raise_signal(signal.SIGINT)
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)  # as Ctrl-C does it
+            time.sleep(0.2)  # or a warm study is over before the main thread looks
         return one_row(*point)
 
     monkeypatch.setattr("trackerlib.commands.study.one_row", interrupted)
