@@ -108,14 +108,15 @@ def by_read_fwf(path: Path) -> pd.DataFrame:
     )
 
 
-def best_of(times: int, work, path: Path) -> np.ndarray:
-    """Least seconds by the clock, and of the processor in all threads."""
-    seconds = []
-    for _ in range(times):
-        start = time.perf_counter(), time.process_time()
-        work(path)
-        seconds.append((time.perf_counter() - start[0], time.process_time() - start[1]))
-    return np.min(seconds, axis=0)
+def best_of(times: int, path: Path, *works) -> np.ndarray:
+    """Least seconds (W, 2) of each, by the clock and of the processor in all threads; they take turns."""
+    seconds = np.empty((times, len(works), 2))
+    for turn in seconds:
+        for taken, work in zip(turn, works, strict=True):
+            start = time.perf_counter(), time.process_time()
+            work(path)
+            taken[:] = time.perf_counter() - start[0], time.process_time() - start[1]
+    return seconds.min(axis=0)
 
 
 def peak_memory(path: Path) -> tuple[float, float]:
@@ -161,10 +162,8 @@ def main():
         print(
             f"{len(result.sets)} sets of {sum(s.points for s in result.sets):,} points, {result.counts.bad} bad line"
         )
-        reading = best_of(5, lambda p: read_tfile(p, HEADER, 7), path)
-        whole = best_of(5, ours, path)
-        polars = best_of(3, by_polars, path)
-        fwf = best_of(1, by_read_fwf, path) * records / FWF_ROWS
+        reading, whole, polars = best_of(8, path, lambda p: read_tfile(p, HEADER, 7), ours, by_polars)
+        (fwf,) = best_of(1, path, by_read_fwf) * records / FWF_ROWS
         print(f"peak memory {peak / 1e6:.0f} MB over {kept / 1e6:.0f} MB kept: {peak / kept:.2f}")
         print(
             f"ours, to sets {records / whole[0]:13,.0f} records/s (reading alone {records / reading[0]:,.0f})"
