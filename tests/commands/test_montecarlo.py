@@ -8,6 +8,7 @@ import re
 import pytest
 
 from trackerlib.commands import main
+from trackerlib.simulation.study import coverage_words
 
 CALL = ["montecarlo", "--scenario", "5", "--experiments", "25", "--spacing", "45", "--gps-rms-m", "3"]
 CALL += ["--trials", "20", "--seed", "1"]
@@ -68,3 +69,8 @@ def test_noise_that_rules_the_geometry_is_refused_with_its_reason(capsys):
 def test_a_call_that_makes_no_sense_ends_with_2_and_words(option, value, capsys):
     assert main([*CALL, option, value]) == 2
     assert "wanted" in capsys.readouterr().err
+
+
+def test_a_share_of_few_trials_states_what_it_does_not_know():
+    assert coverage_words(1.0, 5) == "the truth lies inside 100 ± 14 % of the stated 95 % ellipsoids"
+    assert coverage_words(0.95, 2000).startswith("the truth lies inside 95.00 ± 0.49 %")

@@ -119,8 +119,12 @@ def summary(trials: Trials) -> dict:
 
 
 def coverage_words(share: float, converged: int) -> str:
-    """How often the truth lay inside its ellipsoid, with the standard error that so many trials leave."""
-    sigma = max((share * (1 - share) / converged) ** 0.5, 1e-3)
+    """How often the truth lay inside its ellipsoid, with the standard error that so many trials leave.
+
+    That of Agresti and Coull (1998), as if two more lay inside and two outside: all of five tell no certainty.
+    """
+    middle = (share * converged + 2) / (converged + 4)
+    sigma = (middle * (1 - middle) / (converged + 4)) ** 0.5
     return f"the truth lies inside {value_with_sigma(100 * share, 100 * sigma, '%')} of the stated 95 % ellipsoids"
 
 
