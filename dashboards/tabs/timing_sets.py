@@ -19,7 +19,6 @@ COLUMNS = {
     "pair": str, "pass": int, "T": int, "offset (ms)": float, "± (ms)": float, "drift (ms/ count)": float,
     "± drift": float, "corr.": float, "t0": float, "before (ft)": float, "after (ft)": float, "remarks": str,
 }  # fmt: skip
-WIDTHS = dict(zip(COLUMNS, (f"{share}%" for share in (8, 7, 6, 9, 7, 9, 8, 7, 9, 9, 8, 13)), strict=True))
 DIGITS = {
     **dict.fromkeys(("offset (ms)", "± (ms)"), "0.000"),
     **dict.fromkeys(("drift (ms/ count)", "± drift"), "0.0000"),
