@@ -322,7 +322,7 @@ class Opening:
 
     def _told_reports(self, tfile: TFileReading, name: str, notes=()) -> None:
         what = f"{len(tfile.reports)} position reports"
-        self._told(name, what, tfile.reports.bad_records, (*tfile.warnings, *notes))
+        self._told(name, what, tfile.reports.bad_records, (*tfile.doubts, *notes))
 
     def _told(self, name: str, what: str, bad_records, notes) -> None:
         parts = [f"{name}: {what}"]

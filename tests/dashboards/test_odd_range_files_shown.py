@@ -174,3 +174,9 @@ def test_a_crossover_file_with_a_spoilt_line_is_still_one(opened):
     )
     assert "1 bad lines, the first is line 4: found" in opened.session.message
     assert works(crossover_tab, timing_tab)
+
+
+def test_a_corrected_copy_says_that_its_positions_were_corrected_before(opened):
+    both = opened(lambda lines: [b"CORRECTED COPY of run.dat\n", *lines[1:]])
+    assert "corrected before: CORRECTED COPY of run.dat" in opened.session.message
+    assert works(*both)
