@@ -41,36 +41,48 @@ export function render({model, el}) {
     if (!e.repeat) model.send_msg(k);
   };
   // The number box of a slider takes a number only with the focus, which Enter ends for it though not for the page;
-  // and it writes its number anew as it gets the focus, so that what is typed would be added to that.
+  // and it writes its number anew at moments of its own, which would end a selection: so the first key typed after the
+  // focus or Enter replaces the whole, wherever the cursor came to stand. Left empty, it keeps its number.
+  let fresh = null;
   const isBox = (t) => isText(t) && t.getRootNode().querySelector('.MuiSlider-root') !== null;
   const select = (t) => {
-    let frames = 12;
-    const step = () => {
-      if (frames-- <= 0) return;
-      if (t.selectionStart === t.selectionEnd) t.select();
-      requestAnimationFrame(step);
-    };
-    t.addEventListener('beforeinput', () => { frames = 0; }, {once: true});
-    requestAnimationFrame(step);
+    fresh = t;
+    requestAnimationFrame(() => { if (fresh === t && t.selectionStart === t.selectionEnd) t.select(); });
+  };
+  const keep = (t) => {
+    if (t.value.trim() !== '') return;
+    const now = t.getRootNode().querySelector('input[type=range]').ariaValueNow;
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(t, now);
+    t.dispatchEvent(new Event('input', {bubbles: true}));
+  };
+  const onType = (e) => {
+    const t = target(e);
+    if (!isBox(t) || ['Shift', 'Control', 'Alt', 'Meta', 'Tab'].includes(e.key)) return;
+    if (e.key === 'Enter') keep(t);
+    const typed = e.key === 'Delete' || e.key === 'Backspace' || (e.key.length === 1 && !e.ctrlKey && !e.metaKey);
+    if (fresh === t && typed && t.selectionStart === t.selectionEnd) t.select();
+    fresh = null;
   };
   const onEnter = (e) => {
     const t = target(e);
-    if (e.key === 'Enter' && isBox(t)) setTimeout(() => { t.blur(); t.focus(); select(t); });
+    if (e.key === 'Enter' && isBox(t)) { t.blur(); t.focus(); select(t); }
   };
   const onTab = (e) => { if (e.key === 'Tab' && isBox(target(e))) select(target(e)); };
   const onPress = (e) => {
     const t = target(e);
-    if (isBox(t) && t.getRootNode().activeElement !== t) select(t);
+    if (isBox(t) && t.getRootNode().activeElement !== t) select(t); else fresh = null;
   };
-  const listeners = [['keydown', onKey], ['keydown', onEnter], ['keyup', onTab], ['pointerdown', onPress]];
-  for (const [kind, act] of listeners) document.addEventListener(kind, act, true);
+  const onLeave = (e) => { if (isBox(target(e))) keep(target(e)); };
+  const listeners = [['keydown', onKey, true], ['keydown', onType, true], ['keydown', onEnter, false],
+    ['keyup', onTab, true], ['pointerdown', onPress, true], ['focusout', onLeave, true]];
+  for (const one of listeners) document.addEventListener(...one);
   model.on('saved', () => {
     const link = document.createElement('a');
     link.href = URL.createObjectURL(new Blob([model.file_text], {type: 'text/plain;charset=utf-8'}));
     link.download = model.file_name; link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   });
-  model.on('remove', () => { for (const [kind, act] of listeners) document.removeEventListener(kind, act, true); });
+  model.on('remove', () => { for (const one of listeners) document.removeEventListener(...one); });
 }
 """
 

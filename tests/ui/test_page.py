@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import product
 
 import pytest
 from conftest import IDLE
@@ -86,11 +87,26 @@ def test_a_click_in_the_legend_hides_a_track_and_shows_it_again(server, open_pag
 def test_numbers_are_typed_into_a_slider_one_after_the_other(server, open_page):
     page, record = open_page(server.url)
     show(page, "Timing")
-    slider, boxes = page.get_by_role("slider", name="Offset (ms)"), page.locator("input[type=text]:visible")
-    boxes.first.click()
-    for typed, at in (("3.5", "3.5"), ("2.25", "2.25"), ("", "2.25"), ("-1", "-1")):
-        page.wait_for_timeout(700)
-        page.keyboard.type(typed) if typed else page.keyboard.press("Delete")
+    slider, box = (
+        page.get_by_role("slider", name="Offset (ms)"),
+        page.locator("input[type=text]:visible").first,
+    )
+    page.context.new_cdp_session(page).send("Emulation.setCPUThrottlingRate", {"rate": 4})  # a slow machine
+    box.click()
+    for wait_ms, (keys, at) in product(
+        (0, 100, 700),
+        (
+            (["3.5"], "3.5"),
+            (["2.25"], "2.25"),
+            (["Delete", "Enter", "-1"], "-1"),  # a box left empty keeps its number
+            (["Backspace", "Enter"], "-1"),
+            (["ArrowRight", "5"], "-15"),  # the cursor was placed: what is typed is added
+            (["Tab", "Shift+Tab", "4"], "4"),
+        ),
+    ):
+        page.wait_for_timeout(wait_ms)
+        for key in keys:
+            page.keyboard.press(key) if key[:1].isupper() else page.keyboard.type(key)
         page.keyboard.press("Enter")
         expect(slider).to_have_attribute("aria-valuenow", at, timeout=5_000)
     assert record.errors == []
