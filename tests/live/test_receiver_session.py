@@ -149,6 +149,11 @@ def live(tmp_path):
         file.close()
 
 
+def kept_period_samples(path):
+    """Samples a period by the settings that a session file holds by now, None without any."""
+    return read_session(path).settings.get("parameters", {}).get("period_samples")
+
+
 @pytest.mark.parametrize("kind", ["tcp", "pty"])
 def test_the_app_turns_knobs_while_the_hunt_goes_on(live, kind):
     session, line, _ = live(kind)
@@ -168,7 +173,7 @@ def test_the_app_turns_knobs_while_the_hunt_goes_on(live, kind):
     session.restart_receiver()
     assert until(lambda: session.status.baud == 9600 and session.status.run > before.run)
     assert line.receiver.memory[0x52:0x54] == (1000).to_bytes(2, "big")
-    assert read_session(session.file.path).settings["parameters"]["period_samples"] == 1000
+    assert until(lambda: kept_period_samples(session.file.path) == 1000)  # written by a thread of its own
 
 
 def test_a_terminal_pane_talks_to_both_units(live):
