@@ -48,6 +48,26 @@ def test_without_a_header_the_words_stand_behind_the_columns_of_the_first_record
         assert again.doubts[-1] == f"the positions were corrected before: {WORDS}"
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("-12345.6", "-12345.1"), ("-10000.3", " -9999.8"), ("123456.7", "123457.2"), (" 99999.4", " 99999.9")],
+)
+def test_a_position_of_eight_columns_is_written_in_eight(old, new):
+    rest = record(1, 0.0)[15:]
+    copy = corrected(text([f"    1  {old}{rest}", record(2, 200.0)]).encode()).decode().splitlines()
+    assert copy[2] == f"    1  {new}{rest}"
+
+
+def test_a_position_that_outgrows_its_columns_stays():
+    records = [record(1, 99999.7), f"    2  999999.7{record(2, 0.0)[15:]}", record(3, 200.0)]
+    reading = parse_tfile(text(records).encode(), "t.dat", 2)
+    position = reading.reports.position + np.array([0.5, 0, 0])
+    copy = corrected_copy(text(records).encode(), reading, np.arange(3), position, WORDS)
+    assert copy.written.tolist() == [False, False, True]
+    assert [bad.line for bad in copy.too_wide] == [3, 4]
+    assert copy.content.decode().splitlines()[2:] == [*records[:2], record(3, 200.5)]
+
+
 def test_a_copy_says_so_when_it_is_read():
     copy = parse_tfile(corrected(text([record(1, 100.0)]).encode()), "c.dat", 2)
     assert copy.doubts == (f"the positions were corrected before: {WORDS}",)

@@ -18,7 +18,7 @@ TITLE = "RANGE RUN OF 6/20/85$"
 def record(count, position=(49473.6, 4294.9, -30.6), array=6, mode=2, mark="  "):
     x, y, z = position
     rest = "   176.1  344.3   -6.07   82 5"
-    return f"{count:5d}{mark} {x:7.1f}  {y:7.1f}  {z:7.1f}{rest}{array:2d}  {mode:d}"
+    return f"{count:5d}{mark}{x:8.1f} {y:8.1f} {z:8.1f}{rest}{array:2d}  {mode:d}"
 
 
 def parse(lines, header_records=1, end="\n", encoding="latin-1"):
@@ -38,7 +38,7 @@ def test_columns_by_hand():
     rows=st.lists(
         st.tuples(
             st.integers(0, 99_999),
-            st.tuples(*[st.integers(-99_999, 999_999)] * 3),
+            st.tuples(*[st.integers(-999_999, 9_999_999)] * 3),
             st.integers(0, 99),
             st.integers(0, 9),
             st.sampled_from(["  ", "ED", " E", "D "]),
@@ -98,6 +98,34 @@ def test_a_bad_record_is_told_and_its_neighbours_are_kept(spoil, words):
     assert reports.point_count.tolist() == [188, 190]
     assert [bad.line for bad in reports.bad_records] == [3]
     assert re.search(words, reports.bad_records[0].why)
+
+
+@pytest.mark.parametrize(
+    ("before", "x"),
+    [
+        ("-", -49473.6),
+        ("1", 149473.6),
+        ("+", 49473.6),
+        ("V", 49473.6),
+        ("*", 49473.6),
+        ("\t", 49473.6),
+        (".", None),
+    ],
+)
+@pytest.mark.parametrize("places", [(7,), (16,), (25,), (7, 16, 25)])
+def test_what_stands_right_before_a_position_is_read_where_it_belongs_to_it(before, x, places):
+    line = record(188, (49473.6, 49473.6, 49473.6))
+    for place in places:
+        line = line[:place] + before + line[place + 1 :]
+    reports = parse([record(187), line, record(189)]).reports
+    if x is None:
+        assert reports.point_count.tolist() == [187, 189]
+        first = places[0] + 1
+        assert re.match(rf"columns {first}-{first + 7} \(.*\) hold '\.49473\.6'", reports.bad_records[0].why)
+    else:
+        wanted = [x if place in places else 49473.6 for place in (7, 16, 25)]
+        assert reports.position[1].tolist() == wanted
+        assert not reports.bad_records
 
 
 def test_a_record_with_an_edit_mark_may_have_any_position():
@@ -171,7 +199,7 @@ def random_lines(rng, size, spoil=spoilt):
             rng,
             record(
                 int(rng.integers(-99, 99_999)),
-                rng.integers(-99_999, 999_999, 3) / 10,
+                rng.integers(*((-99_999, 999_999) if rng.random() < 0.9 else (-999_999, 9_999_999)), 3) / 10,
                 int(rng.integers(0, 99)),
                 int(rng.choice([1, 2, 7])),
                 str(rng.choice(["  ", "  ", "ED", " 1"])),

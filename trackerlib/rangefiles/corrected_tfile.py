@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackerlib.rangefiles.record_scan import COLUMNS
-from trackerlib.rangefiles.tfile import FIELDS, TFileReading
+from trackerlib.rangefiles.tfile import FIELDS, OF_NUMBERS, TFileReading
 from trackerlib.textfiles import BadRecord, text_encoding
 
 _X, _Y, _Z = FIELDS[1:4]
-_WIDTH = _X.last - _X.first + 1
+_WIDTH = _X.last - _X.first + 2  # with the column before
 _LINE_END, _RETURN, _BLANK = (ord(letter) for letter in "\n\r ")
 
 
@@ -36,21 +36,24 @@ def corrected_copy(
     which : (N,) reports of `reading`, which read the same content
     position : (N, 3) their new positions, ft
     provenance : a line that says what was done
-    A position that needs more than seven columns is left as it was and told.
+    A position that needs more than seven columns, or eight where it had eight, is left as it was and told.
     """
     encoding = text_encoding(content)
     letters = _letters(content, encoding)
     columns = np.char.mod(f"%{_WIDTH}.1f", np.round(position, 1) + 0.0)
-    fits = np.all(np.char.str_len(columns) == _WIDTH, axis=1)
     starts = _line_starts(letters)
     places = starts[reading.reports.line[which] - 1]
-    for field, column in zip((_X, _Y, _Z), columns.T, strict=True):
-        digits = np.frombuffer("".join(column[fits]).encode("ascii"), dtype=np.uint8).reshape(-1, _WIDTH)
-        letters[places[fits, None] + field.first - 1 + np.arange(_WIDTH)] = digits
+    begins = places[:, None] + np.array([field.first - 2 for field in (_X, _Y, _Z)])
+    wider = np.isin(letters[begins], OF_NUMBERS)  # the number has a column before the seven
+    fits = np.all(np.char.str_len(np.char.strip(columns)) <= _WIDTH - 1 + wider, axis=1)
+    for begin, wide, column in zip(begins[fits].T, wider[fits].T, columns[fits].T, strict=True):
+        digits = np.frombuffer("".join(column).encode("ascii"), dtype=np.uint8).reshape(-1, _WIDTH)
+        letters[begin[:, None] + np.arange(1, _WIDTH)] = digits[:, 1:]
+        letters[begin[wide]] = digits[wide, 0]
     too_wide = [
         BadRecord(
             int(line),
-            f"the corrected position {', '.join(row)} needs more than {_WIDTH} columns; left as it was",
+            f"the corrected position {', '.join(row)} needs more than {_WIDTH - 1} columns; left as it was",
         )
         for line, row in zip(reading.reports.line[which[~fits]], np.char.strip(columns[~fits]), strict=True)
     ]

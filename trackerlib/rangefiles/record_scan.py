@@ -244,10 +244,11 @@ def _read_numbers(words, values, wrong):
 def _take_words(text, place, step, many, words, faults, arrays, modes, marks):
     """Fills words (4, n) with the columns of count, x, y and z of so many records `step` apart, and the small columns.
 
-    `faults` gets what is wrong with array number, mode and the count's last digit.
+    `faults` gets what is wrong with array number, mode and the count's last digit, and whether anything stands right
+    before x, y or z.
     """
     five, tail = numba.uint64(0xFFFFFFFFFF), numba.uint64(0x00302E0000000000)  # '.0' behind five columns
-    zero, ten, byte = numba.uint64(48), numba.uint64(9), numba.uint64(255)
+    zero, ten, byte, space = numba.uint64(48), numba.uint64(9), numba.uint64(255), numba.uint64(32)
     for k in range(many):
         begin, end = _load(text, place), _load(text, place + 60)
         words[0, k] = (begin & five) | tail
@@ -257,11 +258,13 @@ def _take_words(text, place, step, many, words, faults, arrays, modes, marks):
         marks[k] = (begin >> numba.uint64(40)) & numba.uint64(0xFFFF)
         tens, units = (end >> numba.uint64(24)) & byte, ((end >> numba.uint64(32)) & byte) ^ zero
         mode, last = (end >> numba.uint64(56)) ^ zero, ((begin >> numba.uint64(32)) & byte) ^ zero
-        blank = tens == numba.uint64(32)
+        blank = tens == space
         tens ^= zero
         arrays[k] = units if blank else numba.uint64(10) * tens + units
         modes[k] = mode
-        faults[k] = (units > ten) | (mode > ten) | (last > ten) | ((tens > ten) & ~blank)
+        before = (begin >> numba.uint64(56)) | numba.uint64(text[numba.uint64(place + 16)])
+        before |= numba.uint64(text[numba.uint64(place + 25)])
+        faults[k] = (units > ten) | (mode > ten) | (last > ten) | ((tens > ten) & ~blank) | (before != space)
         place += step
 
 

@@ -2,7 +2,8 @@
 
 Columns 1-5 point count, 6-7 edit mark (blank to keep), 9-15, 18-24, 27-33 downrange, crossrange and z in
 feet with one decimal, 64-65 array number, 68 mode; after KEYGATE's (I5,A2,1X,F7.1,2X,F7.1,2X,F7.1,30X,I2,
-2X,I1), Read (1990), Appendix E.
+2X,I1), Read (1990), Appendix E. A sign or digit right before a position belongs to it: where Fortran skips the
+minus of -12345.6, it is read.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ SHIFTS = (
     "; the record is shifted to the left by one column",
 )
 _BLANK, _POINT, _PLUS, _MINUS, _ZERO = (ord(c) for c in " .+-0")
+OF_NUMBERS = np.frombuffer(b"0123456789.+-", np.uint8)
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,14 @@ class Field:
     def wanted(self) -> str:
         """What belongs there, in words."""
         return "feet with one decimal, such as '19463.2'" if self.decimals else "a whole number"
+
+    def of(self, columns: np.ndarray) -> np.ndarray:
+        """The characters of the field (N, W) in records (N, 68); of feet, with what runs over to the left."""
+        if not self.decimals:
+            return columns[:, self.first - 1 : self.last]
+        wide = columns[:, self.first - 2 : self.last].copy()
+        wide[~np.isin(wide[:, 0], OF_NUMBERS), 0] = _BLANK
+        return wide
 
 
 FIELDS = (
@@ -262,7 +272,7 @@ def _parse_records(columns: np.ndarray, lengths: np.ndarray, numbers: np.ndarray
     A record with an edit mark may have any position, unless the mark is part of a number: then the columns
     are shifted and it is a bad record.
     """
-    parsed = [parse_numbers(columns[:, f.first - 1 : f.last], f.decimals) for f in FIELDS]
+    parsed = [parse_numbers(f.of(columns), f.decimals) for f in FIELDS]
     values = np.column_stack([value for value, _ in parsed])
     good = np.column_stack([ok for _, ok in parsed])
     mark = columns[:, 5:7]
@@ -290,7 +300,7 @@ def _shifts(columns: np.ndarray) -> np.ndarray:
         (1, np.hstack((columns[:, 1:], blank)), FIELDS[:-1]),
         (2, np.hstack((blank, columns[:, :-1])), FIELDS),
     ):
-        fits = [parse_numbers(moved[:, f.first - 1 : f.last], f.decimals)[1] for f in fields]
+        fits = [parse_numbers(f.of(moved), f.decimals)[1] for f in fields]
         shift[np.all(fits, axis=0)] = number
     return shift
 
@@ -321,10 +331,13 @@ def parse_numbers(field: np.ndarray, decimals: int) -> tuple[np.ndarray, np.ndar
 def _why_bad(columns: np.ndarray, length: int, good: np.ndarray) -> str:
     if length < COLUMNS:
         return f"the record ends at column {length}, wanted {COLUMNS} columns"
-    text = bytes(columns).decode("latin-1")
     field = FIELDS[int(np.argmin(good))]
-    where = f"columns {field.first}-{field.last}" if field.last > field.first else f"column {field.first}"
-    return f"{where} ({field.name}) hold {text[field.first - 1 : field.last]!r}, wanted {field.wanted}"
+    text = bytes(field.of(columns[None])[0]).decode("latin-1")
+    first = field.first
+    if field.decimals:
+        first, text = (first, text[1:]) if text[0] == " " else (first - 1, text)
+    where = f"columns {first}-{field.last}" if field.last > first else f"column {first}"
+    return f"{where} ({field.name}) hold {text!r}, wanted {field.wanted}"
 
 
 def _header_warnings(head: list[str], first_line: int) -> list[str]:
@@ -347,9 +360,7 @@ def _header_warnings(head: list[str], first_line: int) -> list[str]:
 
 def _is_record(line: str) -> bool:
     row = np.frombuffer(line[:COLUMNS].encode("latin-1"), dtype=np.uint8)[None, :]
-    return len(line) >= COLUMNS and all(
-        parse_numbers(row[:, f.first - 1 : f.last], f.decimals)[1][0] for f in FIELDS
-    )
+    return len(line) >= COLUMNS and all(parse_numbers(f.of(row), f.decimals)[1][0] for f in FIELDS)
 
 
 def _sound_speed_table(head: list[str]) -> np.ndarray:
