@@ -47,7 +47,13 @@ export function render({model, el}) {
   const isBox = (t) => isText(t) && t.getRootNode().querySelector('.MuiSlider-root') !== null;
   const select = (t) => {
     fresh = t;
-    requestAnimationFrame(() => { if (fresh === t && t.selectionStart === t.selectionEnd) t.select(); });
+    let frames = 12;  // in which the number may be written anew
+    const step = () => {
+      if (fresh !== t || frames-- <= 0) return;
+      if (t.selectionStart === t.selectionEnd) t.select();
+      requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
   };
   const keep = (t) => {
     if (t.value.trim() !== '') return;
