@@ -324,9 +324,8 @@ def _looks(excluded: np.ndarray, why=None) -> dict:
         columns[f"mark{letter}"] = np.where(excluded, "x", marker)
         columns[f"ink{letter}"] = np.where(excluded, _rgba(REJECTED), _rgba(colour))
         columns[f"edge{letter}"] = np.where(excluded, _rgba(REJECTED), np.uint32(0))
-    columns["markg"] = np.where(
-        excluded, "plus", "circle"
-    )  # a cross that is filled, for the gap has no outlines
+    # The gap has no outlines: its cross is one that is filled.
+    columns["markg"] = np.where(excluded, "plus", "circle")
     return columns | {
         f"ink{k}": np.where(excluded, _rgba(REJECTED), _rgba(colour)) for k, colour in enumerate(COMPONENTS)
     }

@@ -187,9 +187,8 @@ def test_a_click_in_the_table_chooses_its_set_however_it_is_sorted(tab):
     for sorters in ([], [{"field": "offset (ms)", "dir": "asc"}]):
         table._process_events({"sorters": sorters})
         for row in (7, 11):
-            table._process_events(
-                {"indices": [row]}
-            )  # as the page tells it: in the order of the data it was sent
+            # As the page tells it: in the order of the data it was sent.
+            table._process_events({"indices": [row]})
             shown = tab.session.crossover
             assert table.value["pair"].iloc[row] == "{}-{}".format(*shown.pair)
             assert table.value["pass"].iloc[row] == shown.pass_number
