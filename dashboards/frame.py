@@ -10,7 +10,7 @@ from importlib import import_module
 import panel as pn
 import panel_material_ui as pmui
 
-from dashboards import garbage, guard
+from dashboards import garbage, guard, in_order
 from dashboards.keys import Keys
 from dashboards.open_dialog import OpenDialog, RunChoice, TransponderChoice
 from dashboards.session import Session
@@ -122,6 +122,7 @@ def _without_busy_light(page):
 def serve_page(tabs=TABS) -> None:
     """Builds the page and makes it what is served, or serves the reason why it cannot be built, in words."""
     guard.install()
+    in_order.install()
     warm_in_background()  # started before the first page, so that its first fit finds its kernels
     try:
         extension()

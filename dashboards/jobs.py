@@ -15,7 +15,6 @@ log = logging.getLogger("workbench")
 POOL = ThreadPoolExecutor(max_workers=2, thread_name_prefix="work")
 LONG_POOL = ThreadPoolExecutor(max_workers=2, thread_name_prefix="long-work")
 TOLD_EVERY_MS = 100  # a page is told how far a job is; each time takes it some 20 ms of the event loop
-SETTLED_MS = 30  # from the end of some work to its result on the page
 
 
 class Cancelled(Exception):
@@ -150,7 +149,6 @@ class Jobs:
 
         def ended(_future) -> None:
             if document.session_context is not None:  # the page may be gone by now
-                # A tab that is just being opened goes to the page first: it must know what a result changes.
-                document.add_next_tick_callback(partial(document.add_timeout_callback, finish, SETTLED_MS))
+                document.add_next_tick_callback(finish)
 
         future.add_done_callback(ended)
