@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from trackerlib.acoustics.profile import FEET_PER_METRE
 from trackerlib.live.navigation_file import SENTENCE
-from trackerlib.rangefiles.range_profile import FEET_PER_METRE
 from trackerlib.rangefiles.tfile import NEARLY_RECORD
 from trackerlib.rangefiles.velocity_file import SPEED_LIMITS
 

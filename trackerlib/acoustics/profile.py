@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+FEET_PER_METRE = 1 / 0.3048
 GAP = 1.75  # times the larger of its neighbours, from which a step of depth is a gap
 TAIL_ROWS = 6  # the mean step of this many last rows carries a profile on below its end
 

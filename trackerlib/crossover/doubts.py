@@ -6,11 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.acoustics.profile import FEET_PER_METRE, SoundSpeedProfile
 from trackerlib.crossover.pairs import CrossoverSet
 from trackerlib.crossover.survey import ArraySurvey
 
-FEET_PER_METRE = 1 / 0.3048
 FAR_FT = 6000.0  # beyond what a gate lets through
 USUAL = 0.5  # share of reports near their array that makes a unit likely
 FEWER = (

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from trackerlib.acoustics.profile import SoundSpeedProfile
+from trackerlib.acoustics.profile import FEET_PER_METRE, SoundSpeedProfile
 from trackerlib.rangefiles.velocity_file import VelocityReading, parse_velocity
 from trackerlib.surveyfiles.profile_csv import parse_profile_csv
 from trackerlib.textfiles import InputError, decode_lines
 
-FEET_PER_METRE = 1 / 0.3048
 LAYOUTS = {
     "VELOCITY.DAT: speeds of layers' middles, ft": "middle",
     "speeds at the depths, ft": "boundary",
