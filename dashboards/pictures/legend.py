@@ -22,12 +22,13 @@ if (cb_obj.item.renderers[0] === mark) setTimeout(() => { for (const one of show
 THEMED = ("label_text_font_size", "spacing", "glyph_height", "background_fill_alpha")
 
 
-def style_legend(fig, location: str = "top_left") -> None:
-    """A small legend inside the picture; a click hides what it names."""
-    for name, value in (LEGEND | {"location": location}).items():
+def style_legend(fig, location: str = "top_left", **other) -> None:
+    """A small legend inside the picture; a click hides what it names. `other` are further properties of it."""
+    style = LEGEND | {"location": location} | other
+    for name, value in style.items():
         setattr(fig.legend, name, value)
     # The page's theme makes every legend large and its ground clear, live; this takes it back.
-    small = {name: LEGEND[name] for name in THEMED}
+    small = {name: style[name] for name in THEMED}
     code = "if (legend.spacing !== small.spacing) legend.setv(small)"
     for legend in fig.legend:
         legend.js_on_change("spacing", CustomJS(args={"legend": legend, "small": small}, code=code))

@@ -75,7 +75,8 @@ class RangePlan:
         )
         legend_entry(fig, "where two overlap", [lenses], marker="square", size=9, color=SHIP, alpha=0.3)
         legend_entry(fig, "selected", [chosen], fill_color=None, line_color=ESTIMATE, line_width=2, size=7)
-        style_legend(fig)
+        # Flat, so that it ends above the centres of the uppermost circles.
+        style_legend(fig, ncols=3, margin=4, padding=2, spacing=6)
         fig.xaxis.formatter.use_scientific = fig.yaxis.formatter.use_scientific = False
 
     def show(self, survey: ArraySurvey, limit_ft: float, sets, reports: PositionReports | None) -> None:
@@ -94,7 +95,6 @@ class RangePlan:
         if len(placed):
             low, high = place[:, :2].min(axis=0) - limit_ft, place[:, :2].max(axis=0) + limit_ft
             self.home.tags = [float(v) for v in (low[0], high[0], low[1], high[1])]
-            self.figure.legend[0].location = clear_corner(place[:, :2], low, high)
 
     def _show_overlaps(self, place, number, limit_ft, sets) -> None:
         seen: dict[tuple[int, int], list[int]] = {}
@@ -160,13 +160,6 @@ def overlap(first: np.ndarray, second: np.ndarray, radius: float) -> tuple[list,
     x = [first[0] + radius * np.cos(towards + turn), second[0] - radius * np.cos(towards + turn)]
     y = [first[1] + radius * np.sin(towards + turn), second[1] - radius * np.sin(towards + turn)]
     return np.concatenate(x).tolist(), np.concatenate(y).tolist()
-
-
-def clear_corner(place: np.ndarray, low: np.ndarray, high: np.ndarray) -> str:
-    """The corner of a picture from `low` to `high` that lies farthest from every place (N, 2)."""
-    shares = (place - low) / (high - low)
-    corners = {"top_left": (0, 1), "top_right": (1, 1), "bottom_left": (0, 0), "bottom_right": (1, 0)}
-    return max(corners, key=lambda name: np.linalg.norm(shares - corners[name], axis=1).min())
 
 
 def _thinned(reports: PositionReports | None) -> PositionReports | None:

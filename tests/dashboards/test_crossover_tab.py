@@ -9,7 +9,7 @@ import pytest
 from range_demo import as_opened, opened_tab
 
 from dashboards.pictures.noise_views import ellipse
-from dashboards.pictures.range_plan import clear_corner, overlap
+from dashboards.pictures.range_plan import overlap
 from dashboards.pictures.track_views import TrackViews
 from dashboards.session import Session
 from dashboards.tabs.crossover import CrossoverTab, straight_lines
@@ -224,14 +224,6 @@ def test_an_overlap_is_where_both_circles_are():
     far = np.maximum(*(np.linalg.norm(outline - centre, axis=1) for centre in (first, second)))
     assert far == pytest.approx(4700.0, rel=1e-9)
     assert overlap(first, np.array([9500.0, 0.0]), 4700.0) is None
-
-
-def test_the_legend_of_the_range_stands_where_no_array_does():
-    low, high = np.zeros(2), np.full(2, 10.0)
-    corners = {"top_left": (1, 9), "top_right": (9, 9), "bottom_left": (1, 1), "bottom_right": (9, 1)}
-    for free in corners:
-        place = np.array([[5, 5]] + [at for name, at in corners.items() if name != free], float)
-        assert clear_corner(place, low, high) == free
 
 
 def test_points_selected_on_the_range_are_selected_in_the_set(tab):
