@@ -50,7 +50,8 @@ export function render({model, el}) {
     let frames = 12;  // in which the number may be written anew
     const step = () => {
       if (fresh !== t || frames-- <= 0) return;
-      if (t.selectionStart === t.selectionEnd) t.select();
+      // Only in the focused box: a selection takes the focus back from where Tab has brought it.
+      if (t.getRootNode().activeElement === t && t.selectionStart === t.selectionEnd) t.select();
       requestAnimationFrame(step);
     };
     requestAnimationFrame(step);
@@ -78,7 +79,11 @@ export function render({model, el}) {
     const t = target(e);
     if (isBox(t) && t.getRootNode().activeElement !== t) select(t); else fresh = null;
   };
-  const onLeave = (e) => { if (isBox(target(e))) keep(target(e)); };
+  const onLeave = (e) => {
+    const t = target(e);
+    if (isBox(t)) keep(t);
+    if (fresh === t) fresh = null;
+  };
   const listeners = [['keydown', onKey, true], ['keydown', onType, true], ['keydown', onEnter, false],
     ['keyup', onTab, true], ['pointerdown', onPress, true], ['focusout', onLeave, true]];
   for (const one of listeners) document.addEventListener(...one);

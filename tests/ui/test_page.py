@@ -109,6 +109,9 @@ def test_numbers_are_typed_into_a_slider_one_after_the_other(server, open_page):
             page.keyboard.press(key) if key[:1].isupper() else page.keyboard.type(key)
         page.keyboard.press("Enter")
         expect(slider).to_have_attribute("aria-valuenow", at, timeout=5_000)
+    page.keyboard.press("Tab")  # right behind Enter: the focus goes on and stays there
+    page.wait_for_timeout(700)
+    expect(box).not_to_be_focused()
     assert record.errors == []
 
 
