@@ -27,9 +27,13 @@ async def visit(url: str) -> None:
     line.close()
 
 
-def documents(server) -> int:
+def probe(server) -> dict:
     with urllib.request.urlopen(f"http://127.0.0.1:{server.port}/probe", timeout=60) as answer:
-        return json.load(answer)["documents"]
+        return json.load(answer)
+
+
+def documents(server) -> int:
+    return probe(server)["documents"]
 
 
 def test_25_sessions_opened_and_closed_leave_no_document_and_no_work(tmp_path):
@@ -45,6 +49,7 @@ def test_25_sessions_opened_and_closed_leave_no_document_and_no_work(tmp_path):
             for _ in range(SESSIONS):
                 await visit(server.url)
 
+        assert probe(server)["senders"] == ["dashboards.in_order"]
         before_any = documents(server)  # those of the warmed-up page
         asyncio.run(many())
         deadline = time.monotonic() + 60
